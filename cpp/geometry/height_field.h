@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+// A regular grid of heights: flat (z up, metres) or a planet (radius field over longitude, latitude).
+// Sample (row, col) of a flat field lies at x = x0 + col dx, y = y0 - row dy; row 0 is north.
+// Of a planet it lies at longitude lon0 + col dlon, latitude lat0 - row dlat (degrees), at
+// radius + height along that direction; the axis is z, longitude 0 on +x.
+// The surface is known at its samples; voids are already filled, `valid` says which samples were real.
+// Between samples the full-resolution surface uses the diagonals of the 4-8 mesh: cell (row, col) is cut
+// from (row, col) to (row+1, col+1) when row + col is even, else the other way.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <memory>
+#include <string>
+
+namespace lodlab {
+
+/// Where a field lies: everything but its heights. Stored in every store of a height field.
+struct FieldFrame {
+  int64_t rows = 0, cols = 0;
+  double dx = 1.0, dy = 1.0;  ///< sample spacing, metres (flat)
+  double x0 = 0.0, y0 = 0.0;  ///< centre of the first sample, metres (flat)
+  bool planet = false;
+  double radius = 6371000.0;                              ///< metres (planet)
+  double lon0 = 0.0, lat0 = 90.0, dlon = 0.0, dlat = 0.0; ///< degrees (planet)
+  bool wraps = false;                                     ///< the planet's columns close round 360 degrees
+  double z_min = 0.0, z_max = 0.0;                        ///< over all samples, filled ones included
+  double height_step = 0.0;  ///< all valid heights are whole multiples of it; 0: unknown
+
+  /// Unit direction of a planet's sample from the centre.
+  glm::dvec3 direction(int64_t row, int64_t col) const;
+  /// World position of a sample with this height.
+  glm::dvec3 position(int64_t row, int64_t col, double height) const;
+};
+
+struct HeightField : FieldFrame {
+  const float* heights = nullptr;    ///< rows x cols, row-major, finite everywhere
+  const uint8_t* valid = nullptr;    ///< rows x cols, 1 = real sample; null: all real
+  std::shared_ptr<const void> owner; ///< keeps the arrays alive
+  std::string spec;                  ///< how to load it again (SOURCE of the command line), or empty
+
+  float at(int64_t row, int64_t col) const { return heights[row * cols + col]; }
+  bool is_valid(int64_t row, int64_t col) const { return valid == nullptr || valid[row * cols + col] != 0; }
+  /// Hash of frame, heights and valid mask: 32 hex digits.
+  std::string hash() const;
+};
+
+/// Fills voids (NaN or valid == 0) in place with a smooth membrane: a multigrid solution of Laplace's
+/// equation with the real samples as boundary. A field without any real sample throws InvalidInput.
+void fill_voids(float* heights, const uint8_t* valid, int64_t rows, int64_t cols);
+
+/// The frame as JSON text and back, exact for doubles.
+std::string frame_to_json(const FieldFrame& frame);
+FieldFrame frame_from_json(const std::string& text);
+
+}  // namespace lodlab

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: MIT
+// The one interface of all level-of-detail methods. Bindings, command line, sweeps and charts know
+// methods through it alone.
+//
+// A Method builds stores and opens them. An opened store gives sessions; a Session owns GL objects,
+// caches and adaptation state, belongs to one thread once it has drawn, and selects, draws and is captured.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/options.h"
+#include "base/progress.h"
+#include "geometry/bounds.h"
+#include "geometry/height_field.h"
+#include "geometry/view.h"
+#include "render/pass.h"
+#include "store/store.h"
+
+namespace lodlab {
+
+/// What a frame may spend. At least one is set, all are positive.
+struct Budget {
+  std::optional<double> pixel_error;  ///< target for the projected error, pixels
+  std::optional<int64_t> triangles;   ///< hard limit on submitted triangles, fillers included
+  std::optional<int64_t> nodes;       ///< hard limit on submitted nodes
+};
+
+/// What a method builds from. Meshes join here with the first method that accepts them.
+struct Source {
+  std::shared_ptr<const HeightField> field;
+};
+
+struct MethodInfo {
+  std::string name;
+  std::string summary;               ///< one sentence
+  std::vector<std::string> accepts;  ///< of heightfield, planet, mesh
+  std::vector<std::string> budgets;  ///< of pixel_error, triangles, nodes; empty: budgets are ignored
+  bool reproduces_source = false;    ///< the finest cut is the source up to the store's quantum
+  std::vector<OptionSpec> options;   ///< of both stages
+};
+
+/// A row per node and resolution: what `store.nodes` shows.
+struct NodeInfo {
+  int64_t id = 0;
+  int64_t parent = -1;  ///< -1: a root
+  int32_t level = 0;    ///< 0: roots
+  int32_t resolution = 0;
+  int64_t triangles = 0;  ///< fillers included
+  double error = 0.0;     ///< bound on the distance to the source, source units
+  Box box;
+};
+
+struct CutNode {
+  uint32_t node = 0;        ///< the node that was selected
+  uint32_t resolution = 0;
+  float morph = 1.0f;       ///< 1: its own surface, 0: its parent's
+  bool visible = true;      ///< false: outside the frustum, not submitted in pictures
+  bool missing = false;     ///< finer data was wanted and is not there yet: this node stands in
+};
+
+/// What a method selected for a view under a budget. It covers the whole source.
+struct Cut {
+  View view;                   ///< the view it was selected for
+  std::vector<CutNode> nodes;  ///< sorted by node
+  double tau = std::numeric_limits<double>::infinity();  ///< pixels; morphs and edges were computed for it
+  double predicted_px = 0.0;   ///< largest projected bound among visible nodes, as drawn
+  int64_t triangles = 0;       ///< of visible nodes, fillers included
+  int64_t filler_triangles = 0;
+  int64_t visible_nodes = 0;
+  int64_t missing_nodes = 0;   ///< visible stand-ins
+  bool promises_bound = true;  ///< predicted_px is an upper bound
+  bool budget_met = true;
+  std::string options;         ///< draw options, JSON
+  /// Set by methods that select on the GPU: the record that redraws this very cut.
+  std::shared_ptr<const void> record;
+};
+
+class Session {
+ public:
+  virtual ~Session() = default;
+
+  /// Picks the cut. CPU only, deterministic given what is resident; streaming requests are issued here.
+  virtual Cut select(const View& view, const Budget& budget) = 0;
+
+  /// A cut by hand: any nodes that cover the source exactly once. InvalidInput names the first gap,
+  /// overlap or broken rule. `resolutions` is empty or as long as `nodes`.
+  virtual Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const = 0;
+
+  /// Submits the cut's GL calls into the pass: its visible nodes, or all when `pass.everything()`.
+  /// Uploads what is missing and resident in main memory; never waits for storage.
+  virtual void draw(const Cut& cut, render::Pass& pass) = 0;
+
+  /// Forgets adaptation state, so that a run starts the same way every time. Caches stay warm.
+  virtual void reset() {}
+
+  /// Bytes of GPU memory held by this session.
+  virtual int64_t resident_bytes() const = 0;
+
+  /// Blocks until everything requested so far is resident (tests and warm-up of streaming runs).
+  virtual void settle() {}
+};
+
+/// An opened, immutable store seen by its method; shared between threads.
+class Hierarchy {
+ public:
+  virtual ~Hierarchy() = default;
+  virtual std::vector<NodeInfo> nodes() const = 0;
+  /// The quantum of stored heights or positions, source units; 0: none.
+  virtual double quantum() const = 0;
+  /// Unique surface vertices over all nodes, for bytes_per_vertex.
+  virtual int64_t vertices() const = 0;
+  /// A new session. `draw_options` are validated against the method's table.
+  virtual std::unique_ptr<Session> session(const Options& draw_options) const = 0;
+};
+
+class Method {
+ public:
+  virtual ~Method() = default;
+  virtual const MethodInfo& info() const = 0;
+  /// Writes hierarchy, geometry and bounds. Pages that `writer.has_page` holds already (a resumed build)
+  /// are left as they are. Never touches GL. Deterministic whatever the number of threads.
+  virtual void build(const Source& source, const Options& options, StoreWriter& writer,
+                     const Progress& progress) const = 0;
+  virtual std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const = 0;
+};
+
+/// All methods, in the order of the registry. One line a method: method/registry.cpp.
+const std::vector<const Method*>& methods();
+/// Throws InvalidInput listing the known ones.
+const Method& find_method(const std::string& name);
+/// For tests: adds a method to the registry until the process ends.
+void register_method(const Method* method);
+
+/// Checks that the method accepts the source (Unsupported) and the options (InvalidInput), builds into
+/// `path` (temporary name, renamed when complete), returns the opened store.
+std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
+                                         const std::map<std::string, OptionValue>& options,
+                                         const std::string& path, BuildMode mode, const Progress& progress);
+
+/// Checks a budget against a method's list: InvalidInput for values that are not positive or none set,
+/// Unsupported for one that the method does not list. `full` (empty list) ignores budgets.
+void check_budget(const MethodInfo& info, const Budget& budget);
+
+}  // namespace lodlab

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+// A pass: one drawing of a cut into the current target, or one capture of its triangles.
+// A method supplies vertices; everything after its last geometry stage is shared (shaders/common).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "geometry/height_field.h"
+#include "geometry/view.h"
+#include "store/store.h"
+
+namespace lodlab::render {
+
+/// What the shared fragment shader shows.
+enum class Show {
+  kShade,    ///< hillshade with height tints, or the colour attribute where there is one
+  kNormal,   ///< geometric normal as colour
+  kLevel,    ///< a colour per hierarchy level
+  kClass,    ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside
+  kNone,     ///< nothing: rasterizer off (benchmarks)
+};
+
+/// What was really submitted by a draw.
+struct Submitted {
+  int64_t triangles = 0, filler_triangles = 0, vertices = 0, nodes = 0, draw_calls = 0;
+  int64_t upload_bytes = 0;
+};
+
+/// GL objects of one height field that every method needs: coverage mask, planet tables.
+/// Created once per session on the GL thread.
+class FieldResources;
+std::shared_ptr<const FieldResources> make_field_resources(const FieldFrame& frame, const Bytes& coverage);
+
+/// The method's stages plus the shared fragment shader and the transform feedback layout. Variants (by
+/// Show, planet, coverage, attribute) compile on first use. `stages` maps a stage ("vertex", "geometry",
+/// "tess_control", "tess_evaluation") to a file below the shader folder, as "chunked/chunk.vert".
+/// Every stage that ends the geometry includes "common/surface_out.glsl" and calls emit_surface().
+class SurfaceProgram {
+ public:
+  struct StageFile {
+    std::string stage, file;
+  };
+  SurfaceProgram(std::vector<StageFile> stages, std::vector<std::string> defines = {});
+  ~SurfaceProgram();
+
+ private:
+  friend class Pass;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Handed to Session::draw.
+class Pass {
+ public:
+  virtual ~Pass() = default;
+  const Camera& camera() const { return camera_; }
+  /// True in captures of the whole cut: culled nodes are submitted too.
+  bool everything() const { return everything_; }
+  /// Binds the program's variant for this pass, the camera block and the field's resources, and returns
+  /// the GL program name (for the method's own uniforms). Called before the method's draw calls, again
+  /// after any other program was bound.
+  virtual unsigned use(SurfaceProgram& program, const FieldResources& field, bool attribute) = 0;
+  Submitted submitted;  ///< the method adds what it submits
+
+ protected:
+  Pass(const Camera& camera, bool everything) : camera_(camera), everything_(everything) {}
+  Camera camera_;
+  bool everything_;
+};
+
+}  // namespace lodlab::render
