@@ -27,7 +27,10 @@ struct FieldFrame {
   double z_min = 0.0, z_max = 0.0;                        ///< over all samples, filled ones included
   double height_step = 0.0;  ///< all valid heights are whole multiples of it; 0: unknown
 
-  /// Unit direction of a planet's sample from the centre.
+  /// Degrees of a planet's sample; columns past the end of a planet that wraps come round again.
+  double longitude(int64_t col) const;
+  double latitude(int64_t row) const;
+  /// Unit direction of a planet's sample from the centre; all columns of a pole's row give one direction.
   glm::dvec3 direction(int64_t row, int64_t col) const;
   /// World position of a sample with this height.
   glm::dvec3 position(int64_t row, int64_t col, double height) const;
@@ -44,6 +47,17 @@ struct HeightField : FieldFrame {
   /// Hash of frame, heights and valid mask: 32 hex digits.
   std::string hash() const;
 };
+
+/// Cosine and sine of an angle in degrees, exact at multiples of 90.
+glm::dvec2 cos_sin_degrees(double degrees);
+
+/// Checks the frame and the heights, computes z_min and z_max. Throws InvalidInput naming the value and
+/// the limit: at least 2 x 2 and at most 2^31 samples, finite heights, positive spacing, a planet's
+/// rows between the poles and its columns at most once round, every sample above the planet's centre.
+/// A mask without any void becomes null.
+std::shared_ptr<const HeightField> make_height_field(const FieldFrame& frame, const float* heights,
+                                                     const uint8_t* valid, std::shared_ptr<const void> owner,
+                                                     std::string spec);
 
 /// Fills voids (NaN or valid == 0) in place with a smooth membrane: a multigrid solution of Laplace's
 /// equation with the real samples as boundary. A field without any real sample throws InvalidInput.
