@@ -1,0 +1,576 @@
+# SPDX-License-Identifier: MIT
+"""Benchmarks: each figure beside a reference that was measured in the same process, interleaved with it.
+
+``run(["draw"])`` returns records ``{bench, case, value, unit, reference, reference_value, ratio, device, commit,
+options, seed}``; ``ratio`` is always "larger is better" and carries the ends of its bootstrap 95 % interval
+(``ratio_low``, ``ratio_high``), ``details`` says what else was seen. ``check(records)`` compares them with
+``benchmarks/bars.toml``, in which the promises stand.
+
+Times are taken inside the core, so that no interpreter stands between the two clocks. Nothing is measured on
+fewer than five repeats, and medians are compared, never means.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _core, datasets, results
+from .cameras import CameraPath
+from .errors import InvalidInput
+
+SIZE = (1280, 720)
+SEED = 1
+PAIRS = 41
+REPEATS = 5
+
+Record = dict[str, Any]
+Say = Callable[[str], None]
+
+
+class Lab:
+    """What the benchmarks of one call share: a folder for stores, sources and stores made once, progress texts."""
+
+    def __init__(self, folder: Path, say: Say):
+        self.folder = folder
+        self.say = say
+        self._sources: dict[str, Any] = {}
+        self._stores: dict[tuple[str, str, str], Any] = {}
+
+    def source(self, spec: str) -> Any:
+        """The lodlab.HeightField of a SOURCE."""
+        if spec not in self._sources:
+            self._sources[spec] = datasets.load(spec)
+        return self._sources[spec]
+
+    def store(self, spec: str, method: str, **options: Any) -> Any:
+        """An opened core store of the source, built with these options on first use."""
+        key = (spec, method, results.options_text(options))
+        if key not in self._stores:
+            self.say(f"building {method} of {spec}")
+            path = self.folder / f"{len(self._stores)}.lod"
+            self._stores[key] = _core.build(self.source(spec).core, method, str(path), options, "new", None)
+        return self._stores[key]
+
+    def views(self, spec: str, frames: int) -> list[Any]:
+        """The views of the built-in flyover over a source."""
+        path = CameraPath.flyover(self.source(spec), frames=frames)
+        return [path.view(f, size=SIZE) for f in range(frames)]
+
+
+# ---- statistics -----------------------------------------------------------------------------------
+
+
+def bootstrap_median(samples: np.ndarray, *, rounds: int = 4000, seed: int = SEED) -> tuple[float, float, float]:
+    """Median of ``samples`` (N,) and the ends of its percentile bootstrap 95 % interval.
+
+    Raises:
+        InvalidInput: Fewer than five samples.
+    """
+    samples = np.asarray(samples, dtype=np.float64)
+    if samples.ndim != 1 or samples.size < 5:
+        raise InvalidInput(f"bootstrap_median: {samples.shape} samples; a median needs at least 5 in one dimension")
+    draws = np.random.default_rng(seed).integers(0, samples.size, (rounds, samples.size))
+    low, high = np.percentile(np.median(samples[draws], axis=1), [2.5, 97.5])
+    return float(np.median(samples)), float(low), float(high)
+
+
+def interleaved(first: Callable[[], float], second: Callable[[], float], pairs: int) -> np.ndarray:
+    """Runs two timed calls in turn, the order swapped from pair to pair; (pairs, 2) of what they return."""
+    first()
+    second()
+    out = np.empty((pairs, 2))
+    for i in range(pairs):
+        if i % 2 == 0:
+            out[i] = first(), second()
+        else:
+            b = second()
+            out[i] = first(), b
+    return out
+
+
+# ---- records --------------------------------------------------------------------------------------
+
+
+def _record(bench: str, case: str, value: float, unit: str, **more: Any) -> Record:
+    record: Record = {
+        "bench": bench,
+        "case": case,
+        "value": value,
+        "unit": unit,
+        "reference": "",
+        "reference_value": math.nan,
+        "ratio": math.nan,
+        "device": "",
+        "commit": results.commit(),
+        "options": "{}",
+        "seed": SEED,
+        "ratio_low": math.nan,
+        "ratio_high": math.nan,
+        "details": {},
+    }
+    unknown = set(more) - set(record)
+    if unknown:
+        raise TypeError(f"a record has no {sorted(unknown)}")
+    return record | more
+
+
+def _device() -> str:
+    return _core.gl_info()["renderer"]
+
+
+def _options(store: Any, draw: dict[str, Any]) -> str:
+    return results.options_text({**store.options, **_core.resolve_options(store.method, "draw", draw)})
+
+
+# ---- draw -----------------------------------------------------------------------------------------
+
+
+def _draw(lab: Lab) -> Iterable[Record]:
+    """Triangles per second of a 1 px cut, beside one static buffer that holds the very same triangles."""
+    for spec, name in (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049")):
+        store = lab.store(spec, "chunked")
+        draw = {"stream": False}
+        session = store.session(draw)
+        views = lab.views(spec, 9)
+        view = views[len(views) // 2]
+        cut = session.select(view, _core.Budget(pixel_error=1.0))
+        reference = _core.StaticReference(session, cut, view)
+        for discard in (False, True):
+            case = f"chunked/{name}" + ("/discard" if discard else "")
+            lab.say(f"draw {case}")
+            times = interleaved(
+                lambda discard=discard: session.time_draw(cut, view, discard),
+                lambda discard=discard: reference.time(view, discard),
+                PAIRS,
+            )
+            ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
+            ours, theirs = np.median(times, axis=0)
+            yield _record(
+                "draw",
+                case,
+                cut.triangles / (ours / 1e3),
+                "triangles/s",
+                reference="static buffer",
+                reference_value=reference.triangles / (theirs / 1e3),
+                ratio=ratio,
+                ratio_low=low,
+                ratio_high=high,
+                device=_device(),
+                options=_options(store, draw),
+                details={
+                    "ms": ours,
+                    "reference_ms": theirs,
+                    "triangles": cut.triangles,
+                    "filler_triangles": cut.filler_triangles,
+                    "chunks": cut.visible_nodes,
+                    "reference_vertices": reference.vertices,
+                    "pairs": PAIRS,
+                },
+            )
+
+
+# ---- select ---------------------------------------------------------------------------------------
+
+
+def _pixel_error_for(session: Any, views: Sequence[Any], chunks: int) -> float:
+    """The pixel error at which the median frame draws about so many chunks (bisection in its logarithm)."""
+    low, high = 0.05, 500.0
+    for _ in range(24):
+        middle = math.sqrt(low * high)
+        seen = [session.select(v, _core.Budget(pixel_error=middle)).visible_nodes for v in views]
+        if np.median(seen) > chunks:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _select(lab: Lab) -> Iterable[Record]:
+    """Microseconds of one select along the moving flyover, beside a plain scan over all chunks."""
+    for size in (2049, 4097):
+        spec = f"fractal:size={size},seed={SEED}"
+        options = {"finest_error": 0.25} if size == 4097 else {}
+        store = lab.store(spec, "chunked", **options)
+        draw = {"stream": False}
+        session = store.session(draw)
+        views = lab.views(spec, 120)
+        pixel_error = _pixel_error_for(session, views, 50)
+        budget = _core.Budget(pixel_error=pixel_error)
+        lab.say(f"select chunked/fractal-{size}")
+        times, chunks = _core.time_select(session, views, budget, 21)
+        scan = _core.time_scan(store, views, budget, 21)
+        per_repeat = np.median(scan, axis=1) / np.median(times, axis=1)
+        ratio, low, high = bootstrap_median(per_repeat)
+        yield _record(
+            "select",
+            f"chunked/fractal-{size}",
+            float(np.median(times)),
+            "us/frame",
+            reference="test of every chunk without a hierarchy",
+            reference_value=float(np.median(scan)),
+            ratio=ratio,
+            ratio_low=low,
+            ratio_high=high,
+            options=_options(store, draw),
+            details={
+                "chunks_drawn": float(np.median(chunks)),
+                "chunks_drawn_max": int(np.max(chunks)),
+                "chunks_in_store": len(store.nodes),
+                "pixel_error": pixel_error,
+                "p95_us": float(np.percentile(times, 95)),
+                "frames": len(views),
+                "repeats": 21,
+            },
+        )
+
+
+# ---- build, memory --------------------------------------------------------------------------------
+
+BUILD_SIZE = 4097
+BUILD_OPTIONS = {"finest_error": 0.25}
+
+
+def _build_spec() -> str:
+    return f"fractal:size={BUILD_SIZE},seed={SEED}"
+
+
+def _martini(heights: np.ndarray) -> tuple[str, Callable[[], float]] | None:
+    """The name and a timed call of pymartini's error pass plus one mesh; None where it is not installed."""
+    try:
+        import pymartini
+    except ImportError:
+        return None
+    grid = pymartini.Martini(heights.shape[0])
+
+    def once() -> float:
+        start = time.perf_counter()
+        tile = grid.create_tile(heights)
+        tile.get_mesh(BUILD_OPTIONS["finest_error"])
+        return time.perf_counter() - start
+
+    return f"pymartini {pymartini.__version__}: error pass and one mesh", once
+
+
+def _build(lab: Lab) -> Iterable[Record]:
+    """Samples per second from an array in memory to a closed, complete store, exact bounds included."""
+    heights = np.array(lab.source(_build_spec()).core.heights)
+    path = lab.folder / "build.lod"
+    kept: dict[str, Any] = {}
+    spacing = lab.source(_build_spec()).core.dx
+
+    def once() -> float:
+        path.unlink(missing_ok=True)
+        start = time.perf_counter()
+        source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
+        store = _core.build(source, "chunked", str(path), BUILD_OPTIONS, "new", None)
+        seconds = time.perf_counter() - start
+        kept.update(info=store.info(), options=dict(store.options))
+        return seconds
+
+    lab.say(f"build chunked/fractal-{BUILD_SIZE}")
+    martini = _martini(heights)
+    if martini is None:
+        times = np.array([once() for _ in range(REPEATS + 1)][1:])
+        reference, theirs, ratio, low, high = "pymartini (not installed)", math.nan, math.nan, math.nan, math.nan
+    else:
+        reference, other = martini
+        pairs = interleaved(once, other, REPEATS)
+        times = pairs[:, 0]
+        theirs = heights.size / float(np.median(pairs[:, 1]))
+        ratio, low, high = bootstrap_median(pairs[:, 1] / pairs[:, 0])
+    info = kept["info"]
+    finest = info["levels"][-1]
+    yield _record(
+        "build",
+        f"chunked/fractal-{BUILD_SIZE}",
+        heights.size / float(np.median(times)),
+        "samples/s",
+        reference=reference,
+        reference_value=theirs,
+        ratio=ratio,
+        ratio_low=low,
+        ratio_high=high,
+        options=results.options_text(kept["options"]),
+        details={
+            "seconds": float(np.median(times)),
+            "share_of_samples_kept": finest["triangles"] / (2.0 * (BUILD_SIZE - 1) ** 2),
+            "bytes_per_sample": info["bytes_per_sample"],
+            "bytes_per_vertex": info["bytes_per_vertex"],
+            "finest_error_max": finest["error_max"],
+            "threads": _core.thread_count(),
+            "repeats": REPEATS,
+        },
+    )
+
+
+_MEMORY_CHILD = """
+import json, resource, sys
+import numpy as np
+from lodlab import _core
+
+def resident(key):
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) * 1024 for line in status if line.startswith(key))
+
+array, out, spacing, options = sys.argv[1], sys.argv[2], float(sys.argv[3]), json.loads(sys.argv[4])
+bare = resident("VmRSS")
+heights = np.load(array)
+before = resident("VmRSS")
+source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
+_core.build(source, "chunked", out, options, "new", None)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+print(json.dumps({"bare": bare, "before": before, "peak": peak, "array": heights.nbytes, "samples": heights.size}))
+"""
+
+
+def _memory(lab: Lab) -> Iterable[Record]:
+    """Peak resident memory of a process that builds, above its input array, in bytes per sample."""
+    fld = lab.source(_build_spec()).core
+    array, out = lab.folder / "memory.npy", lab.folder / "memory.lod"
+    np.save(array, fld.heights)
+    seen = []
+    for i in range(REPEATS):
+        lab.say(f"memory chunked/fractal-{BUILD_SIZE} {i + 1}/{REPEATS}")
+        out.unlink(missing_ok=True)
+        command = [sys.executable, "-c", _MEMORY_CHILD, str(array), str(out), repr(fld.dx), json.dumps(BUILD_OPTIONS)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"memory: the building process ended with status {done.returncode}: {done.stderr}")
+        seen.append(json.loads(done.stdout.splitlines()[-1]))
+    array.unlink()
+    peaks = np.array([s["peak"] for s in seen], dtype=np.float64)
+    one = seen[int(np.argsort(peaks)[len(peaks) // 2])]
+    whole = (one["peak"] - one["array"]) / one["samples"]
+    yield _record(
+        "memory",
+        f"chunked/fractal-{BUILD_SIZE}",
+        whole,
+        "bytes/sample",
+        reference="the input array",
+        reference_value=one["array"] / one["samples"],
+        ratio=one["array"] / one["samples"] / whole,
+        options=results.options_text(BUILD_OPTIONS),
+        details={
+            "peak_bytes": one["peak"],
+            "array_bytes": one["array"],
+            "interpreter_bytes": one["bare"],
+            "without_interpreter": (one["peak"] - one["before"]) / one["samples"],
+            "repeats": REPEATS,
+        },
+    )
+
+
+# ---- measure, accuracy ----------------------------------------------------------------------------
+
+
+def _measure(lab: Lab) -> Iterable[Record]:
+    """Milliseconds of one accuracy frame without picture metrics, beside drawing `full` for the same frame."""
+    for spec, name in (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049")):
+        store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
+        draw = {"stream": False}
+        session, reference = store.session(draw), full.session({})
+        instrument = _core.Instrument(lab.source(spec).core, reference)
+        ratios, ours, theirs = [], [], []
+        lab.say(f"measure chunked/{name}")
+        for view in lab.views(spec, REPEATS):
+            cut = session.select(view, _core.Budget(pixel_error=1.0))
+            everything = reference.select(view, _core.Budget(pixel_error=1.0))
+
+            def once(view: Any = view, cut: Any = cut) -> float:
+                start = time.perf_counter()
+                instrument.measure(session, cut, view, None, pictures=False)
+                return (time.perf_counter() - start) * 1e3
+
+            times = interleaved(once, lambda v=view, c=everything: reference.time_draw(c, v, False), REPEATS)
+            ours.append(np.median(times[:, 0]))
+            theirs.append(np.median(times[:, 1]))
+            ratios.append(np.median(times[:, 1] / times[:, 0]))
+        ratio, low, high = bootstrap_median(np.array(ratios))
+        yield _record(
+            "measure",
+            f"chunked/{name}",
+            float(np.median(ours)),
+            "ms/frame",
+            reference="drawing full",
+            reference_value=float(np.median(theirs)),
+            ratio=ratio,
+            ratio_low=low,
+            ratio_high=high,
+            device=_device(),
+            options=_options(store, draw),
+            details={"times_full": 1.0 / ratio, "views": len(ours), "repeats": REPEATS},
+        )
+
+
+def _accuracy(lab: Lab) -> Iterable[Record]:
+    """Measured error against the promised one: a report, its ratio says how tight the promise is."""
+    spec = "jacksboro"
+    store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
+    draw = {"stream": False}
+    session, reference = store.session(draw), full.session({})
+    instrument = _core.Instrument(lab.source(spec).core, reference)
+    for pixel_error in (0.5, 1.0, 2.0, 4.0, 8.0):
+        lab.say(f"accuracy chunked/{spec}/{pixel_error:g}px")
+        rows = []
+        for view in lab.views(spec, 12):
+            cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+            rows.append(instrument.measure(session, cut, view, None, pictures=False))
+        measured = max(r["measured_px_max"] for r in rows)
+        predicted = max(r["predicted_px"] for r in rows)
+        yield _record(
+            "accuracy",
+            f"chunked/{spec}/{pixel_error:g}px",
+            measured,
+            "px",
+            reference="predicted_px",
+            reference_value=predicted,
+            ratio=measured / predicted if predicted > 0 else math.nan,
+            device=_device(),
+            options=_options(store, draw),
+            details={
+                "measured_px_max_median": float(np.median([r["measured_px_max"] for r in rows])),
+                "measured_max": max(r["measured_max"] for r in rows),
+                "hole_samples": max(r["hole_samples"] for r in rows),
+                "frames": len(rows),
+            },
+        )
+
+
+# ---- demo -----------------------------------------------------------------------------------------
+
+
+def _demo(lab: Lab) -> Iterable[Record]:
+    """Seconds of the whole job of `make demo`, set-up apart. One run: it is minutes long."""
+    lab.say("demo jacksboro")
+    out = lab.folder / "demo"
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "lodlab", "compare", "jacksboro", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"demo: lodlab compare ended with status {done.returncode}: {done.stderr[-2000:]}")
+    yield _record(
+        "demo",
+        "compare/jacksboro",
+        time.perf_counter() - start,
+        "s",
+        device=_device(),
+        details={"report_bytes": (out / "report.html").stat().st_size, "cores": os.cpu_count()},
+    )
+
+
+# ---- the face -------------------------------------------------------------------------------------
+
+BENCHES: dict[str, Callable[[Lab], Iterable[Record]]] = {
+    "draw": _draw,
+    "select": _select,
+    "build": _build,
+    "memory": _memory,
+    "measure": _measure,
+    "accuracy": _accuracy,
+    "demo": _demo,
+}
+
+
+def names() -> dict[str, str]:
+    """Every benchmark's name with one sentence on it."""
+    return {name: (bench.__doc__ or "").strip().splitlines()[0] for name, bench in BENCHES.items()}
+
+
+def run(which: Sequence[str] | None = None, *, say: Say | None = None) -> list[Record]:
+    """Runs the named benchmarks, all when none is named.
+
+    Args:
+        which: Names of ``names()``.
+        say: Called with a line before each case.
+
+    Returns:
+        One record a case, in order.
+
+    Raises:
+        InvalidInput: An unknown name; the known ones are listed.
+    """
+    wanted = list(which or BENCHES)
+    for name in wanted:
+        if name not in BENCHES:
+            raise InvalidInput(f"bench: no benchmark {name!r}; known: {', '.join(BENCHES)}")
+    out: list[Record] = []
+    with tempfile.TemporaryDirectory(prefix="lodlab-bench-") as folder:
+        lab = Lab(Path(folder), say or (lambda text: None))
+        for name in wanted:
+            out.extend(BENCHES[name](lab))
+    return out
+
+
+def to_json(records: Sequence[Record]) -> str:
+    """Records as JSON text; a figure that is not there (nan) is null."""
+
+    def clean(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {k: clean(v) for k, v in value.items()}
+        if isinstance(value, (float, np.floating)):
+            return float(value) if math.isfinite(value) else None
+        return value.item() if isinstance(value, np.generic) else value
+
+    return json.dumps([clean(r) for r in records], indent=2)
+
+
+def bars_file() -> Path:
+    """Where the promises stand: the source tree's benchmarks/bars.toml, or the copy that was installed."""
+    here = Path(__file__).resolve().parent
+    tree = here.parents[1] / "benchmarks" / "bars.toml"
+    return tree if tree.exists() else here / "bars.toml"
+
+
+def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
+    """One line for each bar that does not hold among the benchmarks that ran; empty when all hold.
+
+    A bar whose case was not measured, or measured as nan, does not hold.
+
+    Raises:
+        InvalidInput: A bar without bench, case, field or a limit.
+    """
+    file = bars or bars_file()
+    ran = {r["bench"] for r in records}
+    failures = []
+    for bar in tomllib.loads(file.read_text(encoding="utf-8"))["bar"]:
+        if not {"bench", "case", "field"} <= bar.keys() or not {"min", "max"} & bar.keys():
+            raise InvalidInput(f"{file}: a bar needs bench, case, field and min or max, not {sorted(bar)}")
+        if bar["bench"] not in ran:
+            continue
+        found = [r for r in records if r["bench"] == bar["bench"] and fnmatch.fnmatchcase(r["case"], bar["case"])]
+        if not found:
+            failures.append(f"{bar['bench']} {bar['case']}: not measured")
+        for record in found:
+            value = record.get(bar["field"])
+            value = math.nan if value is None else float(value)
+            where = f"{record['bench']} {record['case']}: {bar['field']} {value:.4g} ({record['unit']})"
+            if "min" in bar and not value >= bar["min"]:
+                failures.append(f"{where} is below {bar['min']:g}")
+            if "max" in bar and not value <= bar["max"]:
+                failures.append(f"{where} is above {bar['max']:g}")
+    return failures
+
+
+def table(records: Sequence[Record]) -> str:
+    """Records as a text table for people."""
+    head = ("bench", "case", "value", "unit", "reference", "reference value", "ratio", "95 % interval")
+    rows = [head]
+    for r in records:
+        interval = "" if math.isnan(r["ratio_low"]) else f"{r['ratio_low']:.3f} to {r['ratio_high']:.3f}"
+        numbers = ["" if math.isnan(v) else f"{v:.4g}" for v in (r["value"], r["reference_value"], r["ratio"])]
+        rows.append((r["bench"], r["case"], numbers[0], r["unit"], r["reference"], numbers[1], numbers[2], interval))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    return "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)

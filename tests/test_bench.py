@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: MIT
+"""The benchmark harness: its statistics, its bars, and its records on a source small enough for a test.
+
+No test here asserts a speed: `lodlab bench --check` does that, on a quiet machine.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from lodlab import _core, bench, datasets
+from lodlab.cameras import CameraPath
+from lodlab.errors import InvalidInput
+
+FIELDS = {
+    "bench", "case", "value", "unit", "reference", "reference_value", "ratio", "device", "commit", "options", "seed",
+}  # fmt: skip
+
+
+def record(**values):
+    return bench._record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
+
+
+def test_bootstrap_interval_holds_the_median_and_narrows_with_samples():
+    noise = np.random.default_rng(3).normal(1.0, 0.1, 400)
+    few = bench.bootstrap_median(noise[:20])
+    many = bench.bootstrap_median(noise)
+    for median, low, high in (few, many):
+        assert low <= median <= high
+    assert many[2] - many[1] < few[2] - few[1]
+    assert many[1] < 1.0 < many[2]
+    assert bench.bootstrap_median(noise) == many, "the interval is not repeatable"
+
+
+def test_bootstrap_refuses_too_few():
+    with pytest.raises(InvalidInput, match="at least 5"):
+        bench.bootstrap_median(np.ones(4))
+
+
+def test_interleaved_swaps_the_order_from_pair_to_pair():
+    calls = []
+
+    def one(name, value):
+        calls.append(name)
+        return value
+
+    pairs = bench.interleaved(lambda: one("a", 1.0), lambda: one("b", 2.0), 4)
+    assert calls == list("ab" + "ab" + "ba" + "ab" + "ba")
+    assert (pairs == [1.0, 2.0]).all()
+
+
+def test_check_names_what_falls_short(tmp_path):
+    bars = tmp_path / "bars.toml"
+    bars.write_text(
+        '[[bar]]\nbench = "draw"\ncase = "chunked/*"\nfield = "ratio_low"\nmin = 0.95\n'
+        '[[bar]]\nbench = "select"\ncase = "chunked/*"\nfield = "value"\nmax = 10.0\n'
+    )
+    assert bench.check([record(ratio_low=0.96)], bars) == []
+    assert "0.94 " in bench.check([record(ratio_low=0.94)], bars)[0]
+    assert len(bench.check([record(ratio_low=math.nan)], bars)) == 1, "an unmeasured figure passed"
+    assert len(bench.check([record(ratio_low=0.96) | {"case": "full/jacksboro"}], bars)) == 1
+    slow = bench._record("select", "chunked/x", 10.5, "us/frame")
+    assert "above 10" in bench.check([slow], bars)[0]
+
+
+def test_a_bar_without_a_limit_is_refused(tmp_path):
+    bars = tmp_path / "bars.toml"
+    bars.write_text('[[bar]]\nbench = "draw"\ncase = "x"\nfield = "value"\n')
+    with pytest.raises(InvalidInput, match="min or max"):
+        bench.check([record()], bars)
+
+
+def test_bars_of_the_project_name_benches_that_exist():
+    import tomllib
+
+    bars = tomllib.loads(bench.bars_file().read_text())["bar"]
+    assert {bar["bench"] for bar in bars} <= set(bench.names())
+    assert {"draw", "select", "build", "memory", "measure", "demo"} == {bar["bench"] for bar in bars}
+
+
+def test_unknown_bench_lists_the_known_ones():
+    with pytest.raises(InvalidInput, match="known: draw, select"):
+        bench.run(["drawing"])
+
+
+def test_records_carry_the_promised_fields_and_become_json():
+    one = record(ratio=math.nan, details={"chunks": np.int64(3), "share": np.float64(0.5)})
+    assert one.keys() >= FIELDS
+    back = json.loads(bench.to_json([one]))[0]
+    assert back["ratio"] is None and back["details"] == {"chunks": 3, "share": 0.5}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    source = datasets.load("jacksboro")
+    path = tmp_path_factory.mktemp("bench") / "jacksboro.lod"
+    store = _core.build(source.core, "chunked", str(path), {}, "new", None)
+    flight = CameraPath.flyover(source, frames=5)
+    return store, store.session({"stream": False}), [flight.view(f, size=(320, 180)) for f in range(5)]
+
+
+def test_static_reference_holds_the_very_triangles_of_the_cut(session):
+    _, chunked, views = session
+    cut = chunked.select(views[2], _core.Budget(pixel_error=2.0))
+    reference = _core.StaticReference(chunked, cut, views[2])
+    assert reference.triangles == cut.triangles
+    assert 0 < reference.vertices < 3 * reference.triangles
+    picture, again = chunked.draw(cut, views[2]), reference.draw(views[2])
+    covered = np.isfinite(picture.depth)
+    # The same triangles by the same clip computation: depth agrees bit for bit. Where two surfaces meet exactly (a skirt's
+    # upper edge) the order of the index buffer decides which of them is shaded, so colours may differ along edges.
+    assert covered.any()
+    assert np.array_equal(picture.depth, again.depth)
+    same = (picture.image == again.image).all(axis=2)
+    assert same[covered].mean() > 0.98
+    assert reference.time(views[2], False) > 0.0
+    assert reference.time(views[2], True) > 0.0
+
+
+def test_select_is_timed_for_every_frame_and_repeat(session):
+    store, chunked, views = session
+    budget = _core.Budget(pixel_error=2.0)
+    times, chunks = _core.time_select(chunked, views, budget, 3)
+    assert times.shape == (3, 5) and (times > 0.0).all()
+    assert chunks.tolist() == [chunked.select(v, budget).visible_nodes for v in views]
+    scan = _core.time_scan(store, views, budget, 3)
+    assert scan.shape == (3, 5) and (scan > 0.0).all()
