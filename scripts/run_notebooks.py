@@ -38,9 +38,7 @@ def run(notebook: Path, folder: Path, *, timeout: float = 1800.0) -> Path:
         FileNotFoundError: The notebook did not write its CSV.
     """
     node = nbformat.read(notebook, as_version=4)
-    client = NotebookClient(
-        node, timeout=timeout, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
-    )
+    client = NotebookClient(node, timeout=timeout, kernel_name="python3", resources={"metadata": {"path": str(folder)}})
     client.execute()
     out = folder / "runs" / "notebooks"
     table = out / f"{notebook.stem}.csv"

@@ -13,9 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-COLUMNS = (
-    "paper,table,row,quantity,unit,paper_value,our_value,source,method,options,device,scale".split(",")
-)
+COLUMNS = "paper,table,row,quantity,unit,paper_value,our_value,source,method,options,device,scale".split(",")
 
 
 def runner():

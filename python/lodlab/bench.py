@@ -138,48 +138,49 @@ def _options(store: Any, draw: dict[str, Any]) -> str:
 # ---- draw -----------------------------------------------------------------------------------------
 
 
+TERRAINS = (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049"))
+DRAW_OPTIONS = {"stream": False}
+
+
 def _draw(lab: Lab) -> Iterable[Record]:
     """Triangles per second of a 1 px cut, beside one static buffer that holds the very same triangles."""
-    for spec, name in (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049")):
+    for spec, name in TERRAINS:
         store = lab.store(spec, "chunked")
-        draw = {"stream": False}
-        session = store.session(draw)
-        views = lab.views(spec, 9)
-        view = views[len(views) // 2]
+        session = store.session(DRAW_OPTIONS)
+        view = lab.views(spec, 9)[4]
         cut = session.select(view, _core.Budget(pixel_error=1.0))
         reference = _core.StaticReference(session, cut, view)
         for discard in (False, True):
-            case = f"chunked/{name}" + ("/discard" if discard else "")
-            lab.say(f"draw {case}")
-            times = interleaved(
-                lambda discard=discard: session.time_draw(cut, view, discard),
-                lambda discard=discard: reference.time(view, discard),
-                PAIRS,
-            )
-            ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
-            ours, theirs = np.median(times, axis=0)
-            yield _record(
-                "draw",
-                case,
-                cut.triangles / (ours / 1e3),
-                "triangles/s",
-                reference="static buffer",
-                reference_value=reference.triangles / (theirs / 1e3),
-                ratio=ratio,
-                ratio_low=low,
-                ratio_high=high,
-                device=_device(),
-                options=_options(store, draw),
-                details={
-                    "ms": ours,
-                    "reference_ms": theirs,
-                    "triangles": cut.triangles,
-                    "filler_triangles": cut.filler_triangles,
-                    "chunks": cut.visible_nodes,
-                    "reference_vertices": reference.vertices,
-                    "pairs": PAIRS,
-                },
-            )
+            lab.say(f"draw chunked/{name}{'/discard' if discard else ''}")
+            yield _draw_case(name, store, session, cut, view, reference, discard)
+
+
+def _draw_case(name: str, store: Any, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:
+    times = interleaved(lambda: session.time_draw(cut, view, discard), lambda: reference.time(view, discard), PAIRS)
+    ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
+    ours, theirs = np.median(times, axis=0)
+    return _record(
+        "draw",
+        f"chunked/{name}" + ("/discard" if discard else ""),
+        cut.triangles / (ours / 1e3),
+        "triangles/s",
+        reference="static buffer",
+        reference_value=reference.triangles / (theirs / 1e3),
+        ratio=ratio,
+        ratio_low=low,
+        ratio_high=high,
+        device=_device(),
+        options=_options(store, DRAW_OPTIONS),
+        details={
+            "ms": ours,
+            "reference_ms": theirs,
+            "triangles": cut.triangles,
+            "filler_triangles": cut.filler_triangles,
+            "chunks": cut.visible_nodes,
+            "reference_vertices": reference.vertices,
+            "pairs": PAIRS,
+        },
+    )
 
 
 # ---- select ---------------------------------------------------------------------------------------
@@ -204,8 +205,7 @@ def _select(lab: Lab) -> Iterable[Record]:
         spec = f"fractal:size={size},seed={SEED}"
         options = {"finest_error": 0.25} if size == 4097 else {}
         store = lab.store(spec, "chunked", **options)
-        draw = {"stream": False}
-        session = store.session(draw)
+        session = store.session(DRAW_OPTIONS)
         views = lab.views(spec, 120)
         pixel_error = _pixel_error_for(session, views, 50)
         budget = _core.Budget(pixel_error=pixel_error)
@@ -224,7 +224,7 @@ def _select(lab: Lab) -> Iterable[Record]:
             ratio=ratio,
             ratio_low=low,
             ratio_high=high,
-            options=_options(store, draw),
+            options=_options(store, DRAW_OPTIONS),
             details={
                 "chunks_drawn": float(np.median(chunks)),
                 "chunks_drawn_max": int(np.max(chunks)),
@@ -378,49 +378,48 @@ def _memory(lab: Lab) -> Iterable[Record]:
 
 def _measure(lab: Lab) -> Iterable[Record]:
     """Milliseconds of one accuracy frame without picture metrics, beside drawing `full` for the same frame."""
-    for spec, name in (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049")):
+    for spec, name in TERRAINS:
         store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
-        draw = {"stream": False}
-        session, reference = store.session(draw), full.session({})
+        session, reference = store.session(DRAW_OPTIONS), full.session({})
         instrument = _core.Instrument(lab.source(spec).core, reference)
-        ratios, ours, theirs = [], [], []
         lab.say(f"measure chunked/{name}")
-        for view in lab.views(spec, REPEATS):
-            cut = session.select(view, _core.Budget(pixel_error=1.0))
-            everything = reference.select(view, _core.Budget(pixel_error=1.0))
-
-            def once(view: Any = view, cut: Any = cut) -> float:
-                start = time.perf_counter()
-                instrument.measure(session, cut, view, None, pictures=False)
-                return (time.perf_counter() - start) * 1e3
-
-            times = interleaved(once, lambda v=view, c=everything: reference.time_draw(c, v, False), REPEATS)
-            ours.append(np.median(times[:, 0]))
-            theirs.append(np.median(times[:, 1]))
-            ratios.append(np.median(times[:, 1] / times[:, 0]))
-        ratio, low, high = bootstrap_median(np.array(ratios))
+        frames = [_measure_frame(instrument, session, reference, view) for view in lab.views(spec, REPEATS)]
+        ours, theirs = (float(np.median([np.median(times[:, k]) for times in frames])) for k in (0, 1))
+        ratio, low, high = bootstrap_median(np.array([np.median(times[:, 1] / times[:, 0]) for times in frames]))
         yield _record(
             "measure",
             f"chunked/{name}",
-            float(np.median(ours)),
+            ours,
             "ms/frame",
             reference="drawing full",
-            reference_value=float(np.median(theirs)),
+            reference_value=theirs,
             ratio=ratio,
             ratio_low=low,
             ratio_high=high,
             device=_device(),
-            options=_options(store, draw),
-            details={"times_full": 1.0 / ratio, "views": len(ours), "repeats": REPEATS},
+            options=_options(store, DRAW_OPTIONS),
+            details={"times_full": 1.0 / ratio, "views": len(frames), "repeats": REPEATS},
         )
+
+
+def _measure_frame(instrument: Any, session: Any, reference: Any, view: Any) -> np.ndarray:
+    """(REPEATS, 2) milliseconds: measuring a 1 px cut, drawing `full`."""
+    budget = _core.Budget(pixel_error=1.0)
+    cut, everything = session.select(view, budget), reference.select(view, budget)
+
+    def measure() -> float:
+        start = time.perf_counter()
+        instrument.measure(session, cut, view, None, pictures=False)
+        return (time.perf_counter() - start) * 1e3
+
+    return interleaved(measure, lambda: reference.time_draw(everything, view, False), REPEATS)
 
 
 def _accuracy(lab: Lab) -> Iterable[Record]:
     """Measured error against the promised one: a report, its ratio says how tight the promise is."""
     spec = "jacksboro"
     store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
-    draw = {"stream": False}
-    session, reference = store.session(draw), full.session({})
+    session, reference = store.session(DRAW_OPTIONS), full.session({})
     instrument = _core.Instrument(lab.source(spec).core, reference)
     for pixel_error in (0.5, 1.0, 2.0, 4.0, 8.0):
         lab.say(f"accuracy chunked/{spec}/{pixel_error:g}px")
@@ -439,7 +438,7 @@ def _accuracy(lab: Lab) -> Iterable[Record]:
             reference_value=predicted,
             ratio=measured / predicted if predicted > 0 else math.nan,
             device=_device(),
-            options=_options(store, draw),
+            options=_options(store, DRAW_OPTIONS),
             details={
                 "measured_px_max_median": float(np.median([r["measured_px_max"] for r in rows])),
                 "measured_max": max(r["measured_max"] for r in rows),
