@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lodlab import _core, bench, datasets
-from lodlab.cameras import CameraPath
+from lodlab.paths import CameraPath
 from lodlab.errors import InvalidInput
 
 FIELDS = {
@@ -111,8 +111,8 @@ def test_static_reference_holds_the_very_triangles_of_the_cut(session):
     assert 0 < reference.vertices < 3 * reference.triangles
     picture, again = chunked.draw(cut, views[2]), reference.draw(views[2])
     covered = np.isfinite(picture.depth)
-    # The same triangles by the same clip computation: depth agrees bit for bit. Where two surfaces meet exactly (a skirt's
-    # upper edge) the order of the index buffer decides which of them is shaded, so colours may differ along edges.
+    # The same triangles by the same clip computation: depth agrees bit for bit. Where two surfaces meet exactly (a
+    # skirt's upper edge) the order of the index buffer decides which is shaded, so colours may differ along edges.
     assert covered.any()
     assert np.array_equal(picture.depth, again.depth)
     same = (picture.image == again.image).all(axis=2)

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from . import _core, datasets, results
-from .cameras import CameraPath
+from .paths import CameraPath
 from .errors import InvalidInput
 
 SIZE = (1280, 720)
