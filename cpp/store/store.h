@@ -48,6 +48,9 @@ class StoreWriter {
   /// Node arrays and other small named blobs; also checksummed.
   void put_array(const std::string& name, std::span<const std::byte> bytes);
   void put_meta(const std::string& key, const std::string& value);
+  /// Remembers how far the build is, for the message of a partial file. Also the moment when pages that
+  /// wait for long are made safe from a kill of the process. Cheap; thread-safe.
+  void note_progress(const std::string& stage, double share);
   /// Computes content_hash (pages and arrays in key order, no times), marks complete, closes, renames.
   void commit();
 

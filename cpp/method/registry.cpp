@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT
+// The registry: a declaration and a name for each method, in the order in which everything lists them.
+#include "method/registry.h"
+
+namespace lodlab {
+
+const Method& full_method();
+const Method& chunked_method();
+
+std::vector<const Method*> built_in_methods() { return {&full_method(), &chunked_method()}; }
+
+}  // namespace lodlab
