@@ -90,8 +90,9 @@ if [ "$(cat .venv/lodlab-stamp 2>/dev/null)" != "$stamp" ]; then
   mapfile -t requires <<<"$requires"
   .venv/bin/python -m pip install -q --disable-pip-version-check "${requires[@]}"
   .venv/bin/python -m pip install -q --disable-pip-version-check --no-build-isolation \
-    -C cmake.define.LODLAB_OPENIMAGEIO="$openimageio" -C cmake.define.LODLAB_NATIVE="${LODLAB_NATIVE:-OFF}" \
-    -C cmake.define.LODLAB_WERROR="${LODLAB_WERROR:-OFF}" -e '.[test]'
+    --config-settings=cmake.define.LODLAB_OPENIMAGEIO="$openimageio" \
+    --config-settings=cmake.define.LODLAB_NATIVE="${LODLAB_NATIVE:-OFF}" \
+    --config-settings=cmake.define.LODLAB_WERROR="${LODLAB_WERROR:-OFF}" -e '.[test]'
   printf '%s\n' "$stamp" >.venv/lodlab-stamp
 else
   site="$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_paths()["platlib"])')"
