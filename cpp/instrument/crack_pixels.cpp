@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/crack_pixels.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/parallel.h"
+#include "instrument/picture_difference.h"
+
+namespace lodlab::instrument {
+namespace {
+
+constexpr double kLeastErosion = 1.0, kMostError = 4.0;
+constexpr uint8_t kOutside = 255;
+
+/// Distance along the row to the nearest pixel that is not set, at most `cap`.
+void row_distances(const uint8_t* mask, int width, int cap, int* out) {
+  int distance = cap;
+  for (int x = 0; x < width; ++x) out[x] = distance = mask[x] == 0 ? 0 : std::min(distance + 1, cap);
+  distance = cap;
+  for (int x = width - 1; x >= 0; --x) {
+    distance = mask[x] == 0 ? 0 : std::min(distance + 1, cap);
+    out[x] = std::min(out[x], distance);
+  }
+}
+
+}  // namespace
+
+double erosion_radius(double measured_px_max) {
+  return kLeastErosion + (std::isnan(measured_px_max) ? kMostError : std::min(measured_px_max, kMostError));
+}
+
+std::vector<uint8_t> erode(const std::vector<uint8_t>& mask, int width, int height, double radius) {
+  const int reach = static_cast<int>(std::floor(radius)), cap = reach + 1;
+  std::vector<int> distance(mask.size());
+  parallel_for(height, 16, [&](int64_t begin, int64_t end) {
+    for (int64_t y = begin; y < end; ++y) row_distances(&mask[y * width], width, cap, &distance[y * width]);
+  });
+  std::vector<uint8_t> out(mask.size(), 0);
+  parallel_for(height, 16, [&](int64_t begin, int64_t end) {
+    for (int64_t y = begin; y < end; ++y) {
+      const int64_t lo = std::max<int64_t>(0, y - reach), hi = std::min<int64_t>(height - 1, y + reach);
+      for (int x = 0; x < width; ++x) {
+        bool keep = true;
+        for (int64_t row = lo; row <= hi && keep; ++row) {
+          const double across = distance[row * width + x], along = static_cast<double>(row - y);
+          keep = across * across + along * along > radius * radius;
+        }
+        out[y * width + x] = keep ? 1 : 0;
+      }
+    }
+  });
+  return out;
+}
+
+CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference,
+                         double measured_px_max) {
+  check_same_size("crack_pixels", cut, reference);
+  const size_t pixels = reference.rgba.size() / 4;
+  std::vector<uint8_t> outside(pixels);
+  int64_t covered = 0;
+  for (size_t i = 0; i < pixels; ++i) {
+    outside[i] = reference.rgba[4 * i] == kOutside ? 1 : 0;
+    covered += reference.rgba[4 * i] != 0 ? 1 : 0;
+  }
+  const std::vector<uint8_t> mask =
+      erode(outside, reference.width, reference.height, erosion_radius(measured_px_max));
+  CrackPixels out;
+  int64_t looked_at = 0;
+  for (size_t i = 0; i < pixels; ++i) {
+    if (mask[i] == 0) continue;
+    ++looked_at;
+    if (cut.rgba[4 * i] != kOutside) ++out.pixels;
+  }
+  if (covered > 0) out.mask_share = static_cast<double>(looked_at) / static_cast<double>(covered);
+  return out;
+}
+
+}  // namespace lodlab::instrument

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+// Scan conversion of one triangle over the samples of a flat field. Corners are in grid coordinates
+// (x east in columns, y south in rows), so a triangle whose corners are samples is tested in whole numbers,
+// exactly. Per row the edges give a span of columns, one wider than needed, and every sample in it is tested.
+#include <cmath>
+#include <utility>
+
+#include "instrument/slack.h"
+#include "instrument/surface_writer.h"
+
+namespace lodlab::instrument {
+namespace {
+
+/// Triangles thinner than this share of their length have no area worth the name.
+constexpr double kThinnest = 1e-12;
+
+/// w(col, row) >= 0 on the inner side; w is twice the area of the triangle with the edge.
+struct Edge {
+  double col, row, d_col, d_row, reach;
+  double at(double c, double r) const { return d_col * (r - row) - d_row * (c - col); }
+  bool holds(double w) const { return w >= -reach; }
+};
+
+struct Span {
+  double lo, hi;
+};
+
+/// Narrows the span to the columns of this row that the edge lets in, rounded outwards.
+bool narrow(Span& span, const Edge& edge, double row) {
+  const double rest = edge.d_col * (row - edge.row) + edge.reach;  // rest - d_row (c - col) >= 0
+  if (edge.d_row == 0.0) return rest >= 0.0;
+  const double limit = edge.col + rest / edge.d_row;
+  if (edge.d_row > 0.0) {
+    span.hi = std::min(span.hi, std::ceil(limit));
+  } else {
+    span.lo = std::max(span.lo, std::floor(limit));
+  }
+  return span.lo <= span.hi;
+}
+
+}  // namespace
+
+FlatRasterizer::FlatRasterizer(const SampleGrid& grid, const glm::dvec3& eye)
+    : rows_(grid.frame().rows),
+      cols_(grid.frame().cols),
+      origin_((eye.x - grid.frame().x0) / grid.frame().dx, (grid.frame().y0 - eye.y) / grid.frame().dy,
+              eye.z),
+      cells_x_(1.0 / grid.frame().dx),
+      cells_y_(1.0 / grid.frame().dy),
+      cells_most_(std::max(cells_x_, cells_y_)) {}
+
+FlatRasterizer::Corner FlatRasterizer::corner(const render::CapturedVertex& v) const {
+  Corner out;
+  out.col = origin_.x + static_cast<double>(v.x) * cells_x_;
+  out.row = origin_.y - static_cast<double>(v.y) * cells_y_;
+  out.z = origin_.z + static_cast<double>(v.z);
+  const double x = v.x, y = v.y, z = v.z;
+  const double slack = world_slack(std::sqrt(x * x + y * y + z * z));
+  const double col = std::nearbyint(out.col), row = std::nearbyint(out.row);
+  // Rounding of this very conversion, in cells, comes on top of the slack.
+  const double own = 1e-15 * (std::abs(origin_.x) + std::abs(origin_.y) + std::abs(col) + std::abs(row));
+  if (std::abs(out.col - col) <= slack * cells_x_ + own &&
+      std::abs(out.row - row) <= slack * cells_y_ + own) {
+    out.col = col;
+    out.row = row;
+    out.slack = 0.0;
+  } else {
+    out.slack = slack * cells_most_ + own;
+  }
+  return out;
+}
+
+void FlatRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const {
+  const Corner corners[3] = {corner(vertices[0]), corner(vertices[1]), corner(vertices[2])};
+  fill(corners, out);
+}
+
+void FlatRasterizer::fill(const Corner (&corners)[3], SurfaceWriter& out) const {
+  const Corner &a = corners[0], *b = &corners[1], *c = &corners[2];
+  double area = (b->col - a.col) * (c->row - a.row) - (b->row - a.row) * (c->col - a.col);
+  if (area < 0.0) {
+    std::swap(b, c);
+    area = -area;
+  }
+  const double slack = std::max({a.slack, b->slack, c->slack});
+  const double row_lo = std::min({a.row, b->row, c->row}), row_hi = std::max({a.row, b->row, c->row});
+  const double col_lo = std::min({a.col, b->col, c->col}), col_hi = std::max({a.col, b->col, c->col});
+  const double longest = std::max(row_hi - row_lo, col_hi - col_lo);
+  if (!(area > kThinnest * longest * longest)) return;
+
+  const auto make_edge = [slack](const Corner& from, const Corner& to) {
+    const double d_col = to.col - from.col, d_row = to.row - from.row;
+    const double reach = slack > 0.0 ? slack * std::sqrt(d_col * d_col + d_row * d_row) : 0.0;
+    return Edge{from.col, from.row, d_col, d_row, reach};
+  };
+  const Edge edges[3] = {make_edge(*b, *c), make_edge(*c, a), make_edge(a, *b)};  // opposite a, b, c
+  const double first = std::max(0.0, std::ceil(row_lo - slack));
+  const double last = std::min(static_cast<double>(rows_ - 1), std::floor(row_hi + slack));
+  const Span whole{std::max(0.0, std::ceil(col_lo - slack)),
+                   std::min(static_cast<double>(cols_ - 1), std::floor(col_hi + slack))};
+  for (double r = first; r <= last; r += 1.0) {
+    Span span = whole;
+    if (!narrow(span, edges[0], r) || !narrow(span, edges[1], r) || !narrow(span, edges[2], r)) continue;
+    for (double col = span.lo; col <= span.hi; col += 1.0) {
+      const double wa = edges[0].at(col, r), wb = edges[1].at(col, r), wc = edges[2].at(col, r);
+      if (!edges[0].holds(wa) || !edges[1].holds(wb) || !edges[2].holds(wc)) continue;
+      // Within the slack outside: the height of the nearest weights, never an extrapolation.
+      const double ia = std::max(wa, 0.0), ib = std::max(wb, 0.0), ic = std::max(wc, 0.0);
+      const double z = a.z + (ib * (b->z - a.z) + ic * (c->z - a.z)) / (ia + ib + ic);
+      out.put(static_cast<int64_t>(r), static_cast<int64_t>(col), z);
+    }
+  }
+}
+
+}  // namespace lodlab::instrument

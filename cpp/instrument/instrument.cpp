@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/instrument.h"
+
+#include <algorithm>
+
+#include "base/errors.h"
+#include "geometry/bounds.h"
+#include "instrument/crack_edges.h"
+#include "instrument/crack_pixels.h"
+#include "instrument/picture_difference.h"
+#include "instrument/pixel_error.h"
+#include "instrument/slack.h"
+
+namespace lodlab::instrument {
+namespace {
+
+std::shared_ptr<const HeightField> not_null(std::shared_ptr<const HeightField> field) {
+  if (field == nullptr) throw InvalidInput("instrument: no height field to measure against");
+  return field;
+}
+
+/// The drawn frame against its own capture, and against the reference where there is one.
+void measure_pictures(const Camera& camera, const render::DrawCall& draw_cut,
+                      const render::FieldResources& resources, const Reference* reference, Accuracy& out) {
+  const render::Picture drawn = render::draw_picture(camera, render::Show::kShade, draw_cut);
+  {
+    const render::Captured visible = render::capture(camera, draw_cut, false);
+    const render::Picture again = render::replay(visible, camera, resources, render::Show::kShade);
+    out.capture_mismatch_pixels = static_cast<double>(depth_mismatch_pixels(drawn, again));
+  }
+  if (reference == nullptr) return;
+  out.psnr_db = psnr_db(drawn, reference->shade);
+  const render::Picture classes = render::draw_picture(camera, render::Show::kClass, draw_cut, false);
+  const CrackPixels cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
+  out.crack_pixels = static_cast<double>(cracks.pixels);
+  out.crack_mask_share = cracks.mask_share;
+}
+
+}  // namespace
+
+Instrument::Instrument(std::shared_ptr<const HeightField> field)
+    : field_(not_null(std::move(field))), grid_(*field_) {}
+
+std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
+                                                       const render::DrawCall& draw_full) const {
+  if (grid_.size() > kMostPictureSamples) return nullptr;
+  auto out = std::make_shared<Reference>();
+  out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
+  out->classes = render::draw_picture(camera, render::Show::kClass, draw_full, false);
+  return out;
+}
+
+Accuracy Instrument::measure(const Camera& camera, const render::DrawCall& draw_cut,
+                             const render::FieldResources& resources, const Wanted& wanted) const {
+  Accuracy out;
+  out.predicted_px = wanted.predicted_px;
+  const Reference* reference = wanted.pictures ? wanted.reference : nullptr;
+  {
+    const render::Captured whole = render::capture(camera, draw_cut, true);
+    const DrawnSurface surface(*field_, grid_, whole);
+    const SampleError error = sample_error(*field_, surface);
+    out.measured_max = error.max;
+    out.measured_rms = error.rms;
+    out.hole_samples = error.holes;
+    out.measured_samples = error.samples;
+    out.measured_px_max = sample_error_px(*field_, grid_, surface, camera);
+    out.crack_edges = crack_edges(grid_, whole);
+    if (reference != nullptr) {
+      const PixelError pixels = pixel_error(*field_, grid_, surface, reference->shade, camera);
+      out.measured_px_p99 = pixels.p99;
+      out.measured_px_rms = pixels.rms;
+    }
+  }
+  if (wanted.pictures) measure_pictures(camera, draw_cut, resources, reference, out);
+  return out;
+}
+
+Jump Instrument::jump(const Camera& camera, const render::Captured& before,
+                      const render::Captured& after) const {
+  const DrawnSurface from(*field_, grid_, before), to(*field_, grid_, after);
+  return surface_jump(*field_, grid_, from, to, camera);
+}
+
+std::vector<NodeError> Instrument::node_errors(const render::Captured& captured) const {
+  return lodlab::instrument::node_errors(*field_, grid_, captured);
+}
+
+double Instrument::slack(const glm::dvec3& eye) const {
+  if (field_->planet) return world_slack(glm::length(eye) + field_->radius + std::max(0.0, field_->z_max));
+  const glm::dvec3 first = field_->position(0, 0, field_->z_min);
+  const glm::dvec3 last = field_->position(field_->rows - 1, field_->cols - 1, field_->z_max);
+  const glm::dvec3 reach = glm::max(glm::abs(first - eye), glm::abs(last - eye));
+  return world_slack(glm::length(reach));
+}
+
+}  // namespace lodlab::instrument

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/picture_difference.h"
+
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "base/errors.h"
+
+namespace lodlab::instrument {
+namespace {
+
+std::string size_of(const render::Picture& p) {
+  return std::to_string(p.width) + " x " + std::to_string(p.height);
+}
+
+size_t pixels_of(const render::Picture& p) {
+  return static_cast<size_t>(p.width) * static_cast<size_t>(p.height);
+}
+
+}  // namespace
+
+void check_same_size(const std::string& operation, const render::Picture& a, const render::Picture& b) {
+  if (a.width != b.width || a.height != b.height) {
+    throw InvalidInput(operation + ": pictures of " + size_of(a) + " and " + size_of(b) +
+                       " pixels do not compare");
+  }
+  for (const render::Picture* p : {&a, &b}) {
+    if (p->rgba.size() == 4 * pixels_of(*p)) continue;
+    throw InvalidInput(operation + ": " + std::to_string(p->rgba.size()) + " colour bytes in a picture of " +
+                       size_of(*p) + " pixels");
+  }
+}
+
+double psnr_db(const render::Picture& a, const render::Picture& b) {
+  check_same_size("psnr_db", a, b);
+  int64_t squares = 0;
+  for (size_t i = 0; i < a.rgba.size(); ++i) {
+    const int difference = i % 4 == 3 ? 0 : static_cast<int>(a.rgba[i]) - static_cast<int>(b.rgba[i]);
+    squares += difference * difference;
+  }
+  if (squares == 0) return std::numeric_limits<double>::infinity();
+  const double mean = static_cast<double>(squares) / (3.0 * static_cast<double>(pixels_of(a)));
+  return 10.0 * std::log10(255.0 * 255.0 / mean);
+}
+
+int64_t depth_mismatch_pixels(const render::Picture& a, const render::Picture& b) {
+  check_same_size("capture_mismatch_pixels", a, b);
+  if (a.depth.size() != pixels_of(a) || b.depth.size() != pixels_of(b)) {
+    throw InvalidInput("capture_mismatch_pixels: a picture of " + size_of(a) + " pixels has no depth");
+  }
+  int64_t count = 0;
+  for (size_t i = 0; i < a.depth.size(); ++i) {
+    count += std::bit_cast<uint32_t>(a.depth[i]) != std::bit_cast<uint32_t>(b.depth[i]) ? 1 : 0;
+  }
+  return count;
+}
+
+}  // namespace lodlab::instrument

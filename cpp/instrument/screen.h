@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+// Distances on the screen, and which points it sees.
+#pragma once
+
+#include <limits>
+
+#include "geometry/view.h"
+
+namespace lodlab::instrument {
+
+/// Whether a point relative to the eye lies inside the frustum, its planes included.
+inline bool in_frustum(const Camera& camera, const glm::dvec3& relative) {
+  for (int i = 0; i < 4; ++i) {
+    if (glm::dot(camera.planes[i], relative) < 0.0) return false;
+  }
+  return camera.depth(relative) >= camera.near_plane;
+}
+
+/// Pixels between two points relative to the eye. A point behind the near plane is clamped to it along
+/// the segment; when both are behind it, nothing of the segment can be seen and the distance is 0.
+inline double screen_distance(const Camera& camera, glm::dvec3 p, glm::dvec3 q) {
+  const double zp = camera.depth(p), zq = camera.depth(q), near = camera.near_plane;
+  if (zp < near && zq < near) return 0.0;
+  if (zp < near) p = q + (zq - near) / (zq - zp) * (p - q);
+  if (zq < near) q = p + (zp - near) / (zp - zq) * (q - p);
+  return glm::distance(camera.project(p), camera.project(q));
+}
+
+}  // namespace lodlab::instrument
