@@ -26,10 +26,10 @@ struct Picture {
 
 /// One vertex as the GPU emitted it: 28 bytes, the transform feedback layout.
 struct CapturedVertex {
-  float x, y, z;      ///< relative to the eye, source units
-  float col, row;     ///< grid coordinates relative to the eye cell
+  float x, y, z;   ///< relative to the eye, source units
+  float col, row;  ///< grid coordinates relative to the eye cell
   uint32_t node;
-  uint32_t bits;      ///< level << 1 | filler
+  uint32_t bits;  ///< level << 1 | filler
 };
 static_assert(sizeof(CapturedVertex) == 28);
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,11 +17,11 @@ namespace lodlab::render {
 
 /// What the shared fragment shader shows.
 enum class Show {
-  kShade,    ///< hillshade with height tints, or the colour attribute where there is one
-  kNormal,   ///< geometric normal as colour
-  kLevel,    ///< a colour per hierarchy level
-  kClass,    ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside
-  kNone,     ///< nothing: rasterizer off (benchmarks)
+  kShade,   ///< hillshade with height tints, or the colour attribute where there is one
+  kNormal,  ///< geometric normal as colour
+  kLevel,   ///< a colour per hierarchy level
+  kClass,   ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside
+  kNone,    ///< nothing: rasterizer off (benchmarks)
 };
 
 /// What was really submitted by a draw.
@@ -43,7 +44,7 @@ class SurfaceProgram {
   struct StageFile {
     std::string stage, file;
   };
-  SurfaceProgram(std::vector<StageFile> stages, std::vector<std::string> defines = {});
+  SurfaceProgram(std::initializer_list<StageFile> stages, std::vector<std::string> defines = {});
   ~SurfaceProgram();
 
  private:
@@ -51,6 +52,8 @@ class SurfaceProgram {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+struct Variant;
 
 /// Handed to Session::draw.
 class Pass {
@@ -61,11 +64,18 @@ class Pass {
   bool everything() const { return everything_; }
   /// Binds the program's variant for this pass, the camera block and the field's resources, and returns
   /// the GL program name (for the method's own uniforms). Called before the method's draw calls, again
-  /// after any other program was bound.
+  /// after any other program was bound. With `attribute` the stages compile with LODLAB_ATTRIBUTE where the
+  /// pass shows colours; the method then binds its sampler2DArray to texture unit 0. Between use() and the
+  /// last draw call that belongs to it no other program may be bound (a capture may be running).
   virtual unsigned use(SurfaceProgram& program, const FieldResources& field, bool attribute) = 0;
+  /// Triangles that one use() takes well. Where a draw submits more, the method may split it and call use()
+  /// again in between: a capture then needs less memory. No limit in pictures.
+  virtual int64_t batch_triangles() const { return INT64_MAX; }
   Submitted submitted;  ///< the method adds what it submits
 
  protected:
+  /// The program of this variant, compiled on first use.
+  static unsigned program_of(SurfaceProgram& program, const Variant& variant);
   Pass(const Camera& camera, bool everything) : camera_(camera), everything_(everything) {}
   Camera camera_;
   bool everything_;

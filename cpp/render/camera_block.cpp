@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+#include "render/camera_block.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "geometry/coverage.h"
+
+namespace lodlab::render {
+namespace {
+
+static_assert(offsetof(CameraBlock, eye_cell) == 64 && offsetof(CameraBlock, eye_frac) == 72);
+static_assert(offsetof(CameraBlock, spacing) == 80 && offsetof(CameraBlock, eye_z) == 88);
+static_assert(offsetof(CameraBlock, eye_world) == 96 && offsetof(CameraBlock, tint) == 112);
+static_assert(offsetof(CameraBlock, cells) == 128 && offsetof(CameraBlock, planet) == 160);
+
+constexpr double kDegrees = 57.295779513082320877;
+constexpr double kFarthestCell = 1 << 30;
+
+/// The eye's place on the grid, (column, row) with fractions.
+glm::dvec2 eye_on_grid(const glm::dvec3& eye, const FieldFrame& frame) {
+  if (!frame.planet) return {(eye.x - frame.x0) / frame.dx, (frame.y0 - eye.y) / frame.dy};
+  const double length = glm::length(eye);
+  const double latitude = length > 0.0 ? std::asin(std::clamp(eye.z / length, -1.0, 1.0)) * kDegrees : 0.0;
+  const double east = std::atan2(eye.y, eye.x) * kDegrees - frame.lon0;
+  return {(east - 360.0 * std::floor(east / 360.0)) / frame.dlon, (frame.lat0 - latitude) / frame.dlat};
+}
+
+}  // namespace
+
+CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
+  CameraBlock block = {};
+  const glm::dmat4 clip = camera.clip_from_relative();
+  for (int i = 0; i < 16; ++i) block.clip_from_relative[i] = static_cast<float>(clip[i / 4][i % 4]);
+  const glm::dvec2 at = eye_on_grid(camera.eye, frame);
+  for (int i = 0; i < 2; ++i) {
+    const double cell = std::clamp(std::floor(at[i]), -kFarthestCell, kFarthestCell);
+    block.eye_cell[i] = static_cast<int32_t>(cell);
+    block.eye_frac[i] = static_cast<float>(at[i] - cell);
+  }
+  block.spacing[0] = static_cast<float>(frame.dx);
+  block.spacing[1] = static_cast<float>(frame.dy);
+  block.eye_z[0] = static_cast<float>(camera.eye.z);
+  block.eye_z[1] = static_cast<float>(camera.eye.z - static_cast<double>(block.eye_z[0]));
+  for (int i = 0; i < 3; ++i) {
+    block.eye_world[i] = static_cast<float>(camera.eye[i]);
+    block.planet[i] = camera.eye[i];
+  }
+  block.eye_world[3] = static_cast<float>(frame.radius);
+  block.planet[3] = frame.radius;
+  block.tint[0] = static_cast<float>(frame.z_min);
+  block.tint[1] = static_cast<float>(frame.z_max);
+  block.tint[2] = frame.z_min < 0.0 && frame.z_max > 0.0 ? 1.0f : 0.0f;
+  block.cells[0] = static_cast<int32_t>(cell_columns(frame));
+  block.cells[1] = static_cast<int32_t>(frame.rows - 1);
+  return block;
+}
+
+}  // namespace lodlab::render

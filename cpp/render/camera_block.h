@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+// The uniform block of shaders/common/camera.glsl: one view of one field. Large coordinates are split here,
+// in double, so that shaders stay in float.
+#pragma once
+
+#include <cstdint>
+
+#include "geometry/height_field.h"
+#include "geometry/view.h"
+
+namespace lodlab::render {
+
+/// std140 layout of the shader's CameraBlock.
+struct CameraBlock {
+  float clip_from_relative[16];
+  int32_t eye_cell[2];
+  float eye_frac[2];
+  float spacing[2];
+  float eye_z[2];
+  float eye_world[4];
+  float tint[4];
+  int32_t cells[4];
+  float padding[4];
+  double planet[4];
+};
+static_assert(sizeof(CameraBlock) == 192);
+
+CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame);
+
+}  // namespace lodlab::render

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#include "render/field_resources.h"
+
+#include <epoxy/gl.h>
+
+#include "base/errors.h"
+#include "geometry/coverage.h"
+#include "gl/error.h"
+
+namespace lodlab::render {
+namespace {
+
+/// The mask in whole 32-bit words, as the shader reads it.
+gl::Buffer mask_buffer(const FieldFrame& frame, const Bytes& coverage) {
+  const int64_t cells = cell_columns(frame) * (frame.rows - 1);
+  const int64_t needed = (cells + 7) / 8;
+  if (static_cast<int64_t>(coverage.size()) != needed) {
+    throw InvalidInput("coverage mask: " + std::to_string(coverage.size()) + " bytes; " +
+                       std::to_string(cells) + " cells need " + std::to_string(needed));
+  }
+  Bytes words = coverage;
+  words.resize((coverage.size() + 3) / 4 * 4);
+  return gl::Buffer(words);
+}
+
+}  // namespace
+
+FieldResources::FieldResources(const FieldFrame& frame, const Bytes& coverage) : frame_(frame) {
+  gl::ensure_context();
+  if (!coverage.empty()) coverage_ = mask_buffer(frame, coverage);
+  if (!frame.planet) return;
+  std::vector<glm::dvec2> columns, rows;  // column `cols` is column 0 again where the planet wraps
+  for (int64_t col = 0; col <= frame.cols; ++col) columns.push_back(cos_sin_degrees(frame.longitude(col)));
+  for (int64_t row = 0; row < frame.rows; ++row) rows.push_back(cos_sin_degrees(frame.latitude(row)));
+  columns_ = gl::Buffer(columns);
+  rows_ = gl::Buffer(rows);
+}
+
+void FieldResources::bind() const {
+  if (has_coverage()) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, coverage_.id());
+  if (frame_.planet) {
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, columns_.id());
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 2, rows_.id());
+  }
+  gl::check("glBindBufferBase");
+}
+
+std::shared_ptr<const FieldResources> make_field_resources(const FieldFrame& frame, const Bytes& coverage) {
+  return std::make_shared<const FieldResources>(frame, coverage);
+}
+
+}  // namespace lodlab::render

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: MIT
+#include "render/frame.h"
+
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "base/errors.h"
+#include "gl/context.h"
+#include "gl/error.h"
+#include "render/gl_pass.h"
+#include "render/replay.h"
+#include "render/target.h"
+
+namespace lodlab::render {
+namespace {
+
+constexpr float kBackground[4] = {0.925f, 0.945f, 0.965f, 1.0f};
+constexpr float kNothing[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+
+const float* clear_color(Show show) { return show == Show::kClass ? kNothing : kBackground; }
+
+/// Rows from bottom first to top first.
+template <class T>
+void flip_rows(std::vector<T>& values, int rows) {
+  const size_t row = values.size() / static_cast<size_t>(rows);
+  for (size_t low = 0, high = static_cast<size_t>(rows) - 1; low < high; ++low, --high) {
+    std::swap_ranges(values.begin() + static_cast<ptrdiff_t>(low * row),
+                     values.begin() + static_cast<ptrdiff_t>((low + 1) * row),
+                     values.begin() + static_cast<ptrdiff_t>(high * row));
+  }
+}
+
+Picture read_picture(const gl::Framebuffer& target, double near_plane, bool want_depth) {
+  Picture picture;
+  picture.width = target.width();
+  picture.height = target.height();
+  const size_t pixels = static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height);
+  picture.rgba.resize(4 * pixels);
+  target.read_color(picture.rgba.data());
+  flip_rows(picture.rgba, picture.height);
+  if (!want_depth) return picture;
+  picture.depth.resize(pixels);
+  target.read_depth(picture.depth.data());
+  flip_rows(picture.depth, picture.height);
+  for (float& depth : picture.depth) {
+    depth = depth > 0.0f ? static_cast<float>(near_plane / static_cast<double>(depth))
+                         : std::numeric_limits<float>::infinity();
+  }
+  return picture;
+}
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// GL time of a scope, where the device can tell.
+class GpuTimer {
+ public:
+  explicit GpuTimer(bool wanted) {
+    if (!wanted) return;
+    query_ = gl::Query(GL_TIME_ELAPSED);
+    query_.begin();
+    running_ = true;
+  }
+  ~GpuTimer() {
+    if (running_) glEndQuery(GL_TIME_ELAPSED);
+  }
+  void stop() {
+    if (running_) query_.end();
+    running_ = false;
+  }
+  double milliseconds() const { return static_cast<double>(query_.result()) * 1e-6; }
+
+ private:
+  gl::Query query_;
+  bool running_ = false;
+};
+
+void submit(DrawPass& pass, const DrawCall& draw) {
+  draw(pass);
+  gl::check("drawing the cut");
+}
+
+}  // namespace
+
+Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool want_depth,
+                     bool everything) {
+  const gl::Framebuffer& target = bind_target(camera.width, camera.height);
+  clear_target(clear_color(show));
+  if (show != Show::kNone) {
+    DrawPass pass(camera, shader_show(show), everything);
+    submit(pass, draw);
+  }
+  return read_picture(target, camera.near_plane, want_depth);
+}
+
+Picture draw_wire(const Camera& camera, const DrawCall& draw) {
+  const gl::Framebuffer& target = bind_target(camera.width, camera.height);
+  clear_target(kBackground);
+  glEnable(GL_POLYGON_OFFSET_FILL);
+  glPolygonOffset(-1.0f, -2.0f);  // away from the eye: depth is reversed
+  DrawPass fill(camera, kShowFill, false);
+  submit(fill, draw);
+  glDisable(GL_POLYGON_OFFSET_FILL);
+  glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
+  DrawPass lines(camera, kShowLine, false);
+  submit(lines, draw);
+  glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+  return read_picture(target, camera.near_plane, true);
+}
+
+Captured capture(const Camera& camera, const DrawCall& draw, bool everything) {
+  constexpr int64_t kFirstBytes = int64_t{16} << 20;
+  constexpr int64_t kMostBytes = INT32_MAX;
+  bind_target(16, 16);
+  glEnable(GL_RASTERIZER_DISCARD);
+  for (int64_t bytes = kFirstBytes;;) {
+    const gl::Buffer buffer(bytes);
+    CapturePass pass(camera, everything, buffer);
+    draw(pass);
+    const int64_t needed = pass.finish();
+    gl::check("capturing the cut");
+    if (needed <= bytes) {
+      glDisable(GL_RASTERIZER_DISCARD);
+      return {camera.eye, std::move(pass.vertices())};
+    }
+    if (needed > kMostBytes) {
+      throw Unsupported("capture: one batch of " + std::to_string(needed) + " bytes is above the limit of " +
+                        std::to_string(kMostBytes));
+    }
+    bytes = needed;
+  }
+}
+
+Timing time_draw(const Camera& camera, Show show, const DrawCall& draw) {
+  const bool software = gl::ensure_context().software;
+  glFinish();
+  const Clock::time_point start = Clock::now();
+  bind_target(camera.width, camera.height);
+  GpuTimer timer(!software);
+  if (show == Show::kNone) {
+    glEnable(GL_RASTERIZER_DISCARD);
+  } else {
+    clear_target(clear_color(show));
+  }
+  DrawPass pass(camera, shader_show(show), false);
+  submit(pass, draw);
+  timer.stop();
+  glFinish();
+  Timing timing;
+  timing.total_ms = milliseconds(Clock::now() - start);
+  timing.gpu_clock = software ? "wall" : "query";
+  timing.gpu_ms = software ? timing.total_ms : timer.milliseconds();
+  timing.submitted = pass.submitted;
+  glDisable(GL_RASTERIZER_DISCARD);
+  return timing;
+}
+
+Picture replay(const Captured& captured, const Camera& camera, const FieldResources& field, Show show) {
+  StaticMesh mesh(captured.vertices);
+  return draw_picture(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });
+}
+
+std::shared_ptr<StaticMesh> make_static_mesh(const Captured& captured, const std::vector<uint32_t>& indices,
+                                             const std::vector<uint32_t>& first_use) {
+  return std::make_shared<StaticMesh>(captured.vertices, indices, first_use);
+}
+
+Timing time_static(const Camera& camera, Show show, StaticMesh& mesh, const FieldResources& field) {
+  return time_draw(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });
+}
+
+}  // namespace lodlab::render

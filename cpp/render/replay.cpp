@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: MIT
+#include "render/replay.h"
+
+#include <epoxy/gl.h>
+
+#include <limits>
+
+#include "base/errors.h"
+#include "gl/error.h"
+
+namespace lodlab::render {
+namespace {
+
+struct Position {
+  float x, y, z;
+};
+struct Grid {
+  float col, row;
+};
+struct Tag {
+  uint32_t node, bits;
+};
+
+/// One for the process; lives as long as the context, which is never destroyed.
+SurfaceProgram& replay_program() {
+  static auto* program = new SurfaceProgram({{"vertex", "common/replay.vert"}});
+  return *program;
+}
+
+}  // namespace
+
+template <class Order>
+void StaticMesh::fill(const std::vector<CapturedVertex>& vertices, size_t count, const Order& order) {
+  std::vector<Position> positions(count);
+  std::vector<Grid> grids(count);
+  std::vector<Tag> tags(count);
+  for (size_t i = 0; i < count; ++i) {
+    const CapturedVertex& v = vertices[order(i)];
+    positions[i] = {v.x, v.y, v.z};
+    grids[i] = {v.col, v.row};
+    tags[i] = {v.node, v.bits};
+  }
+  positions_ = gl::Buffer(positions);
+  grids_ = gl::Buffer(grids);
+  tags_ = gl::Buffer(tags);
+  array_.floats(0, 0, 3, GL_FLOAT, 0);
+  array_.floats(1, 1, 2, GL_FLOAT, 0);
+  array_.integers(2, 2, 1, GL_UNSIGNED_INT, 0);
+  array_.integers(3, 2, 1, GL_UNSIGNED_INT, 4);
+  array_.source(0, positions_, 0, sizeof(Position));
+  array_.source(1, grids_, 0, sizeof(Grid));
+  array_.source(2, tags_, 0, sizeof(Tag));
+  vertices_ = static_cast<int64_t>(count);
+}
+
+StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices) {
+  fill(vertices, vertices.size(), [](size_t i) { return i; });
+  corners_ = vertices_;
+}
+
+StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices, const std::vector<uint32_t>& indices,
+                       const std::vector<uint32_t>& first_use) {
+  for (const uint32_t index : indices) {
+    if (index >= first_use.size())
+      throw InvalidInput("static mesh: index " + std::to_string(index) + " of " +
+                         std::to_string(first_use.size()) + " vertices");
+  }
+  for (const uint32_t source : first_use) {
+    if (source >= vertices.size())
+      throw InvalidInput("static mesh: vertex " + std::to_string(source) + " of " +
+                         std::to_string(vertices.size()) + " captured");
+  }
+  fill(vertices, first_use.size(), [&](size_t i) { return first_use[i]; });
+  indices_ = gl::Buffer(indices);
+  array_.indices(indices_);
+  corners_ = static_cast<int64_t>(indices.size());
+  indexed_ = true;
+}
+
+void StaticMesh::draw(Pass& pass, const FieldResources& field) {
+  if (corners_ > std::numeric_limits<GLsizei>::max() / 3 * 3) {
+    throw Unsupported("drawing " + std::to_string(corners_ / 3) + " triangles with one call");
+  }
+  pass.use(replay_program(), field, false);
+  array_.bind();
+  if (indexed_) {
+    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(corners_), GL_UNSIGNED_INT, nullptr);
+  } else {
+    glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners_));
+  }
+  gl::check(indexed_ ? "glDrawElements" : "glDrawArrays");
+  pass.submitted.triangles += corners_ / 3;
+  pass.submitted.vertices += vertices_;
+  pass.submitted.draw_calls += 1;
+}
+
+}  // namespace lodlab::render

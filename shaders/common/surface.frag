@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// The one fragment shader: every method's pictures differ by geometry alone. LODLAB_SHOW selects what is
+// shown (render/variant.h). Normals are those of the drawn triangles, from derivatives of the position.
+#include "common/camera.glsl"
+#include "common/palette.glsl"
+
+#define SHOW_SHADE 0
+#define SHOW_NORMAL 1
+#define SHOW_LEVEL 2
+#define SHOW_CLASS 3
+#define SHOW_FILL 5
+#define SHOW_LINE 6
+
+#if LODLAB_SHOW != SHOW_CLASS && LODLAB_SHOW != SHOW_LINE
+in vec3 v_position;
+#endif
+#if LODLAB_SHOW == SHOW_LEVEL || LODLAB_SHOW == SHOW_FILL
+flat in uint v_bits;
+#endif
+#ifdef LODLAB_COVERAGE
+in vec2 v_grid;
+layout(std430, binding = 0) readonly buffer Coverage { uint covered_bits[]; };
+
+bool covered() {
+  const ivec2 cell = clamp(ivec2(floor(v_grid)) + camera.eye_cell, ivec2(0), camera.cells.xy - 1);
+  const uint bit = uint(cell.y) * uint(camera.cells.x) + uint(cell.x);
+  return (covered_bits[bit >> 5] >> (bit & 31u) & 1u) != 0u;
+}
+#endif
+#ifdef LODLAB_ATTRIBUTE
+in vec3 v_attribute;
+layout(binding = 0) uniform sampler2DArray attribute_map;
+#endif
+
+layout(location = 0) out vec4 color;
+
+#if LODLAB_SHOW != SHOW_CLASS && LODLAB_SHOW != SHOW_LINE
+/// Unit normal of the drawn triangle, on the side that faces the eye. Scaled by the distance first, so that
+/// no product of differences underflows.
+vec3 facing_normal() {
+  const vec3 a = dFdx(v_position) * gl_FragCoord.w, b = dFdy(v_position) * gl_FragCoord.w;
+  return normalize(cross(a, b));
+}
+
+/// Share of the sun's light: north-west, 45 degrees high, with a little ambient; 1 on level ground.
+float hillshade(vec3 normal) {
+#ifdef LODLAB_PLANET
+  const vec3 up = normalize(v_position + camera.eye_world.xyz);
+  const vec3 east = normalize(vec3(-up.y, up.x, 0.0) + vec3(1e-12, 0.0, 0.0));
+  const vec3 sun = 0.5 * (cross(up, east) - east) + 0.70710678 * up;
+#else
+  const vec3 sun = vec3(-0.5, 0.5, 0.70710678);
+#endif
+  return 0.28 + 0.72 * 1.41421356 * max(dot(normal, sun), 0.0);
+}
+
+float height() {
+#ifdef LODLAB_PLANET
+  return length(v_position + camera.eye_world.xyz) - camera.eye_world.w;
+#else
+  return v_position.z + camera.eye_world.z;
+#endif
+}
+#endif
+
+vec3 shown() {
+#if LODLAB_SHOW == SHOW_CLASS
+  return vec3(gl_FrontFacing ? 1.0 : 128.0 / 255.0, 0.0, 0.0);
+#elif LODLAB_SHOW == SHOW_LINE
+  return kLineColor;
+#else
+  const vec3 normal = facing_normal();
+#if LODLAB_SHOW == SHOW_NORMAL
+  return 0.5 + 0.5 * normal;
+#else
+  const float light = hillshade(normal);
+  if (!gl_FrontFacing) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
+#if LODLAB_SHOW == SHOW_LEVEL
+  return level_color(v_bits >> 1) * (0.45 + 0.55 * min(light, 1.15));
+#elif LODLAB_SHOW == SHOW_FILL
+  return mix(vec3(1.0), level_color(v_bits >> 1), 0.3) * (0.6 + 0.4 * min(light, 1.0));
+#elif defined(LODLAB_ATTRIBUTE)
+  return texture(attribute_map, v_attribute).rgb * min(light, 1.2);
+#else
+  return height_tint(height(), camera.tint.xyz) * min(light, 1.2);
+#endif
+#endif
+#endif
+}
+
+void main() {
+#ifdef LODLAB_COVERAGE
+  if (!covered()) discard;
+#endif
+  color = vec4(shown(), 1.0);
+}
