@@ -1,0 +1,387 @@
+# SPDX-License-Identifier: MIT
+"""Height fields: a grid of heights from an array or a raster file, flat or on a planet.
+
+Sample (row, column) lies at x = x0 + column dx, y = y0 - row dy; row 0 is north. Voids are filled smoothly
+for the core and stay NaN at this face. The native object (`_core`) is immutable.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from .errors import InvalidInput
+from .raster import Placement, open_raster
+
+EARTH_RADIUS = 6371000.0
+DEFAULT_SPACING = 30.0
+MAX_SAMPLES = 2**31
+_EXACT_IN_FLOAT32 = 2**24
+_SNAP = 0.01  # of a sample: geotransforms carry the rounding of their decimals
+
+
+def _text(value: Any) -> str:
+    """A key's value as SOURCE text that reads back the same."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "/".join(_text(v) for v in value)
+    if isinstance(value, (float, np.floating)):
+        return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+    return str(value)
+
+
+def format_spec(name: str, keys: dict[str, Any]) -> str:
+    """SOURCE text of a name or file and its keys; keys that are None are left out."""
+    given = [f"{key}={_text(value)}" for key, value in keys.items() if value is not None]
+    return f"{name}:{','.join(given)}" if given else name
+
+
+def _positive(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"height field: {what} {value!r} is not a number") from None
+    if not (math.isfinite(number) and number > 0):
+        raise InvalidInput(f"height field: {what} {value!r} is not positive and finite")
+    return number
+
+
+def _pair(what: str, value: Any) -> tuple[float, float]:
+    """(dx, dy) from one number or two."""
+    values = tuple(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
+    if values is None:
+        values = (value, value)
+    if len(values) != 2:
+        raise InvalidInput(f"height field: {what} {value!r} is neither one number nor (dx, dy)")
+    return _positive(what, values[0]), _positive(what, values[1])
+
+
+def _check_array(array: np.ndarray, name: str) -> None:
+    if array.dtype.kind not in "iuf":
+        raise InvalidInput(f"height field: {name} has dtype {array.dtype}; real numbers are needed")
+    if array.ndim != 2:
+        raise InvalidInput(f"height field: {name} has {array.ndim} dimensions, shape {array.shape}; 2 are needed")
+    if min(array.shape) < 2:
+        raise InvalidInput(f"height field: {name} has shape {array.shape}; at least 2 x 2 samples are needed")
+    if array.shape[0] * array.shape[1] > MAX_SAMPLES:
+        raise InvalidInput(f"height field: {name} has shape {array.shape}: more than 2^31 samples")
+
+
+def _valid_mask(array: np.ndarray, nodata: float | None, given: np.ndarray | None) -> np.ndarray | None:
+    """(H, W) bool, or None when every sample is real."""
+    void = None
+    if array.dtype.kind == "f":
+        void = np.isnan(array)
+        if nodata is not None and not math.isnan(nodata):
+            with np.errstate(over="ignore"):
+                void |= array == array.dtype.type(nodata)
+    elif nodata is not None and float(nodata).is_integer():
+        limits = np.iinfo(array.dtype)
+        if limits.min <= int(nodata) <= limits.max:
+            void = array == array.dtype.type(int(nodata))
+    if given is not None:
+        void = ~given if void is None else void | ~given
+    return ~void if void is not None and void.any() else None
+
+
+def _to_float32(array: np.ndarray, scale: float, offset: float) -> np.ndarray:
+    """array * scale + offset, computed in double, as C-contiguous float32."""
+    out = np.empty(array.shape, np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if scale == 1.0 and offset == 0.0:
+            np.copyto(out, array, casting="unsafe")
+        else:
+            np.multiply(array, scale, out=out, dtype=np.float64, casting="unsafe")
+            if offset != 0.0:
+                np.add(out, offset, out=out, dtype=np.float64, casting="unsafe")
+    return out
+
+
+def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offset: float) -> float:
+    """The step of integer heights: all real samples are whole multiples of it. 0: unknown."""
+    if array.dtype.kind == "f" or offset != 0.0:
+        return 0.0
+    where = True if valid is None else valid
+    low = int(np.min(array, where=where, initial=np.iinfo(array.dtype).max))
+    high = int(np.max(array, where=where, initial=np.iinfo(array.dtype).min))
+    return scale if max(abs(low), abs(high)) <= _EXACT_IN_FLOAT32 else 0.0
+
+
+class HeightField:
+    """A grid of heights, flat (metres, z up) or on a planet (radius over longitude and latitude).
+
+    Parameters
+    ----------
+    array: (H, W) real numbers of any integer or floating dtype, at least 2 x 2, at most 2^31 samples; need
+        not be contiguous. Stored as float32: float64 and wide integers are rounded. NaN is void, and so are
+        the masked samples of a masked array.
+    spacing: metres between samples, one number or (dx, dy). Default 30. Not for planets.
+    vertical_scale: factor on the heights.
+    nodata: one more value that means void, before scaling.
+    planet: heights above a sphere of `radius` metres. Without `degrees`, the array covers the sphere:
+        columns from 0 degrees east round to 360, rows from 90 north to 90 south.
+    origin: (x0, y0), metres: the centre of the first sample. Not for planets.
+    degrees: (lon0, lat0, dlon, dlat) of a planet's samples. A last column that repeats the first, 360
+        degrees further, is dropped.
+
+    Raises
+    ------
+    InvalidInput: dtype, shape, all void, infinite heights (the first is named), values out of range.
+    """
+
+    def __init__(
+        self,
+        array: Any,
+        spacing: float | tuple[float, float] | None = None,
+        vertical_scale: float = 1.0,
+        nodata: float | None = None,
+        planet: bool = False,
+        radius: float = EARTH_RADIUS,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        degrees: tuple[float, float, float, float] | None = None,
+        name: str = "array",
+        spec: str = "",
+        offset: float = 0.0,
+    ) -> None:
+        given = None
+        if isinstance(array, np.ma.MaskedArray):
+            given = ~np.ma.getmaskarray(array)
+            array = array.data
+        array = np.asarray(array)
+        _check_array(array, name)
+        scale = _positive("vertical_scale", vertical_scale)
+        frame: dict[str, Any] = {"planet": bool(planet), "radius": _positive("radius", radius)}
+        if planet:
+            if spacing is not None:
+                raise InvalidInput("height field: spacing is for flat fields; a planet's follows from its degrees")
+            placed, columns = _planet_frame(array.shape, degrees, frame["radius"])
+            frame |= placed
+            array = array[:, :columns]
+            given = None if given is None else given[:, :columns]
+        else:
+            dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
+            frame |= {"dx": dx, "dy": dy, "x0": float(origin[0]), "y0": float(origin[1])}
+        valid = _valid_mask(array, nodata, given)
+        if valid is not None and not valid.any():
+            raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
+        heights = _to_float32(array, scale, offset * scale)
+        _check_finite(heights, valid, array, name)
+        frame["height_step"] = _height_step(array, valid, scale, offset)
+        mask = None
+        if valid is not None:
+            mask = np.ascontiguousarray(valid).view(np.uint8)
+            _core.fill_voids(heights, mask)
+        self._core = _core.HeightField(heights, mask, **frame, spec=spec)
+        self.name = name
+        self._hash: str | None = None
+
+    @classmethod
+    def open(
+        cls,
+        path: str | os.PathLike[str],
+        spacing: float | tuple[float, float] | None = None,
+        vertical_scale: float = 1.0,
+        nodata: float | str | None = None,
+        planet: bool = False,
+        radius: float = EARTH_RADIUS,
+        *,
+        band: int | None = None,
+        window: tuple[int, int, int, int] | None = None,
+        name: str | None = None,
+        dataset: str | None = None,
+    ) -> HeightField:
+        """Reads a raster: GeoTIFF and what else rasterio reads, or what OpenImageIO reads (EXR).
+
+        The geotransform gives the axes: south-up and mirrored rasters are turned, rotated ones refused.
+        Geographic degrees become metres by the WGS84 lengths of a degree at the raster's middle latitude,
+        feet become metres. `spacing` overrides the geotransform; without either it is 30.
+
+        nodata: overrides the raster's; "none": every sample is real. Where a raster declares none and its
+            lowest value is a customary mark (-9999, -32767, -32768, ...) far below all others, a warning
+            says so and those samples are void.
+        band: from 1; needed where there are several.
+        window: (row0, col0, rows, cols), row 0 north: only these samples are read.
+
+        Raises InvalidInput naming the path: missing, a directory, unreadable, not a raster, damaged,
+        several bands, rotated, planet without degrees; and as the constructor does.
+        """
+        keep_all = isinstance(nodata, str)
+        if keep_all and nodata != "none":
+            raise InvalidInput(f"height field: nodata {nodata!r} is neither a number nor 'none'")
+        raster = open_raster(path, band=band, window=window, nodata=nodata)
+        keys: dict[str, Any] = {
+            "spacing": spacing,
+            "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
+            "nodata": raster.guessed if raster.guessed is not None else nodata,
+            "planet": True if planet else None,
+            "radius": None if radius == EARTH_RADIUS else radius,
+            "band": band,
+            "window": window,
+        }
+        placed = _planet_place(raster.place, raster.whole) if planet else _flat_place(raster.place, spacing)
+        if planet:
+            placed["spacing"] = spacing  # refused by the constructor when given
+        return cls(
+            raster.samples,
+            vertical_scale=vertical_scale * raster.scale,
+            nodata=raster.nodata,
+            planet=planet,
+            radius=radius,
+            name=name or os.path.splitext(os.path.basename(os.fspath(path)))[0],
+            spec=format_spec(dataset or os.path.abspath(os.fspath(path)), keys),
+            offset=raster.offset / raster.scale,
+            **placed,
+        )
+
+    @property
+    def core(self) -> Any:
+        """The native height field."""
+        return self._core
+
+    @property
+    def heights(self) -> np.ndarray:
+        """(H, W) float32, metres; voids are NaN. Read-only."""
+        filled = self._core.heights
+        if self._core.valid is None:
+            return filled
+        out = np.where(self.valid, filled, np.float32(np.nan))
+        out.flags.writeable = False
+        return out
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(H, W) bool: True where the sample is real. Read-only."""
+        mask = self._core.valid
+        return np.broadcast_to(np.True_, self.shape) if mask is None else mask.view(bool)
+
+    @property
+    def filled(self) -> np.ndarray:
+        """(H, W) float32, metres; voids hold the membrane that was put there. Read-only."""
+        return self._core.heights
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self._core.rows, self._core.cols
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """(dx, dy), metres between samples; on a planet along the equator and the meridians."""
+        return self._core.dx, self._core.dy
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """(x0, y0), metres: the centre of the first sample."""
+        return self._core.x0, self._core.y0
+
+    @property
+    def planet(self) -> bool:
+        """Whether the heights stand on a sphere."""
+        return self._core.planet
+
+    @property
+    def radius(self) -> float:
+        """The planet's radius, metres."""
+        return self._core.radius
+
+    @property
+    def spec(self) -> str:
+        """SOURCE text that loads this field again, or empty for arrays."""
+        return self._core.spec
+
+    def hash(self) -> str:
+        """32 hex digits of heights, voids and placement."""
+        if self._hash is None:
+            self._hash = self._core.hash()
+        return self._hash
+
+    def __repr__(self) -> str:
+        core = self._core
+        voids = 0 if core.valid is None else int(core.valid.size - np.count_nonzero(core.valid))
+        where = f"planet of radius {core.radius:g} m" if core.planet else f"spacing {core.dx:.6g} x {core.dy:.6g} m"
+        parts = [f"{core.rows} x {core.cols}", where, f"heights {core.z_min:g} to {core.z_max:g} m"]
+        return f"<HeightField {self.name}: {', '.join(parts)}{f', {voids} voids' if voids else ''}>"
+
+    def thumbnail(self, width: int = 256) -> np.ndarray:
+        """A hillshade with height tints, (h, w, 3) uint8, at most `width` pixels wide or high."""
+        from .thumbnail import hillshade
+
+        return hillshade(self, width)
+
+    def _repr_png_(self) -> bytes:
+        from .pictures import encode
+
+        return encode(self.thumbnail())
+
+    def _repr_html_(self) -> str:
+        import base64
+        from html import escape
+
+        picture = base64.b64encode(self._repr_png_()).decode()
+        text = escape(repr(self).strip("<>"))
+        return (
+            f'<figure style="margin:0"><img alt="hillshade" src="data:image/png;base64,{picture}">'
+            f"<figcaption>{text}</figcaption></figure>"
+        )
+
+
+def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str) -> None:
+    bad = np.isinf(heights) if valid is None else np.isinf(heights) & valid
+    if bad.any():
+        row, col = np.unravel_index(int(np.argmax(bad)), bad.shape)
+        raise InvalidInput(
+            f"height field: {name} has height {array[row, col]} at row {row}, column {col}; "
+            "heights are finite and fit float32"
+        )
+
+
+def _planet_frame(
+    shape: tuple[int, int], degrees: tuple[float, float, float, float] | None, radius: float
+) -> tuple[dict[str, Any], int]:
+    """Frame of a planet's grid, and how many columns to keep. Steps are snapped to whole circles."""
+    rows, cols = shape
+    if degrees is None:
+        degrees = (0.0, 90.0, 360.0 / cols, 180.0 / (rows - 1))
+    lon0, lat0, dlon, dlat = (float(v) for v in degrees)
+    if not all(map(math.isfinite, (lon0, lat0))):
+        raise InvalidInput(f"height field: planet starts at ({lon0}, {lat0}) degrees; finite numbers are needed")
+    dlon, dlat = _positive("planet column step", dlon), _positive("planet row step", dlat)
+    if abs((cols - 1) * dlon - 360.0) < _SNAP * dlon:
+        cols -= 1
+    wraps = abs(cols * dlon - 360.0) < _SNAP * dlon
+    if wraps:
+        dlon = 360.0 / cols
+    south = lat0 - (rows - 1) * dlat
+    lat0 = 90.0 if abs(lat0 - 90.0) < _SNAP * dlat else lat0
+    south = -90.0 if abs(south + 90.0) < _SNAP * dlat else south
+    dlat = (lat0 - south) / (rows - 1)
+    metres = math.radians(1.0) * radius
+    frame = {"lon0": lon0, "lat0": lat0, "dlon": dlon, "dlat": dlat, "wraps": wraps}
+    return frame | {"dx": dlon * metres, "dy": dlat * metres}, cols
+
+
+def _flat_place(place: Placement, spacing: float | tuple[float, float] | None) -> dict[str, Any]:
+    """spacing and origin of a raster, metres."""
+    if spacing is not None or not place.known:
+        dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
+        return {"spacing": (dx, dy), "origin": (place.col0 * dx, -place.row0 * dy)}
+    kx, ky = place.metres_per_unit()
+    x, y = place.first
+    return {"spacing": (place.step[0] * kx, place.step[1] * ky), "origin": (x * kx, y * ky)}
+
+
+def _planet_place(place: Placement, whole: tuple[int, int]) -> dict[str, Any]:
+    """degrees of a raster's samples; a raster that lies nowhere covers the sphere."""
+    if not place.known:
+        dlon, dlat = 360.0 / whole[1], 180.0 / (whole[0] - 1)
+        return {"degrees": (place.col0 * dlon, 90.0 - place.row0 * dlat, dlon, dlat)}
+    if not place.geographic:
+        raise InvalidInput(f"height field: planet=true needs longitude and latitude; {place.path} is projected")
+    return {"degrees": (*place.first, *place.step)}
