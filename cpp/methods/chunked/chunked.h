@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: MIT
+// Chunked LOD (Ulrich, Rendering massive terrains using chunked level of detail control, 2002).
+#pragma once
+
+#include "method/method.h"
+
+namespace lodlab::chunked {
+
+void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress);
+
+}  // namespace lodlab::chunked

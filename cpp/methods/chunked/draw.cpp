@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: MIT
+// Drawing: one buffer holds the vertices and indices of all resident chunks; a frame is one
+// multi-draw-indirect over its visible chunks, or, with colour textures, one call a chunk (Ulrich 2002,
+// section 13: a texture a chunk). Per-chunk data are instanced attributes, found by base instance.
+#include <epoxy/gl.h>
+
+#include <cstring>
+#include <unordered_map>
+
+#include "base/errors.h"
+#include "gl/buffer.h"
+#include "gl/context.h"
+#include "gl/error.h"
+#include "gl/texture.h"
+#include "gl/vertex_array.h"
+#include "methods/chunked/session.h"
+
+namespace lodlab::chunked {
+namespace {
+
+constexpr int64_t kUploadPerFrame = 8 << 20;  // bytes a streaming frame may move
+
+/// Instanced attributes of one chunk (chunk.vert).
+struct Instance {
+  int32_t col, row;
+  uint32_t skirt_begin, node;
+  float morph;
+  uint32_t square;  // side << 8 | level
+};
+
+struct Command {  // DrawElementsIndirectCommand
+  uint32_t count, instances, first_index;
+  int32_t base_vertex;
+  uint32_t base_instance;
+};
+
+}  // namespace
+
+struct ChunkedSession::Gpu {
+  gl::Buffer geometry;
+  gl::Buffer instances, commands;
+  gl::VertexArray arrays;
+  std::unordered_map<uint32_t, gl::Texture> textures;
+  std::shared_ptr<const render::FieldResources> field;
+  render::SurfaceProgram program;
+  std::vector<Instance> instance_data;
+  std::vector<Command> command_data;
+  int64_t texture_bytes = 0;
+
+  explicit Gpu(const ChunkedHierarchy& tree, int64_t buffer_bytes)
+      : geometry(std::max<int64_t>(buffer_bytes, 16)),
+        field(render::make_field_resources(tree.frame, tree.store->page(kCoverage, 0))),
+        program({{"vertex", "chunked/chunk.vert"}}) {
+    arrays.integers(0, 0, 4, GL_UNSIGNED_SHORT, 0);
+    arrays.integers(1, 1, 4, GL_INT, 0);
+    arrays.floats(2, 1, 1, GL_FLOAT, 16);
+    arrays.integers(3, 1, 1, GL_UNSIGNED_INT, 20);
+    glVertexArrayBindingDivisor(arrays.id(), 1, 1);
+    arrays.source(0, geometry, 0, sizeof(Vertex));
+    arrays.indices(geometry);
+    gl::check("glVertexArrayBindingDivisor");
+    reserve(256);
+  }
+
+  /// Room for so many chunks a frame.
+  void reserve(size_t chunks) {
+    instances = gl::Buffer(static_cast<int64_t>(chunks * sizeof(Instance)));
+    commands = gl::Buffer(static_cast<int64_t>(chunks * sizeof(Command)));
+    arrays.source(1, instances, 0, sizeof(Instance));
+  }
+
+  void upload(const ChunkedHierarchy& tree, const Residency::Upload& upload, render::Submitted& submitted) {
+    const Bytes& page = *upload.geometry;
+    geometry.upload(upload.offset, std::span(page).subspan(sizeof(PageHead)));
+    submitted.upload_bytes += static_cast<int64_t>(page.size() - sizeof(PageHead));
+    if (upload.texture == nullptr) return;
+    const int side = tree.node[upload.node].texture_side + 1;
+    int mips = 1;
+    while ((side >> mips) > 0) ++mips;
+    gl::Texture texture = gl::Texture::array(GL_RGBA8, side, side, 1, mips);
+    texture.upload_rgba(0, 0, 0, 0, side, side, upload.texture->data());
+    texture.make_mips();
+    submitted.upload_bytes += static_cast<int64_t>(upload.texture->size());
+    texture_bytes += Residency::texture_bytes(tree.node[upload.node]);
+    textures[upload.node] = std::move(texture);
+  }
+
+  void drop(const ChunkedHierarchy& tree, std::vector<uint32_t>& dropped) {
+    for (const uint32_t node : dropped) {
+      if (textures.erase(node) > 0) texture_bytes -= Residency::texture_bytes(tree.node[node]);
+    }
+    dropped.clear();
+  }
+};
+
+ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options)
+    : hierarchy_(std::move(hierarchy)),
+      options_json_(options.to_json()),
+      skirts_(options.text("cracks") == "skirt"),
+      residency_(hierarchy_, options.flag("stream"), options.integer("cpu_cache_mb") << 20,
+                 options.integer("gpu_cache_mb") << 20, std::chrono::milliseconds(options.integer("fetch_delay_ms"))) {
+  const std::string& projection = options.text("projection");
+  projection_ = projection == "paper" ? Projection::kPaper
+                : projection == "vertical" ? Projection::kVertical : Projection::kStrict;
+  const std::string& morph = options.text("morph");
+  morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
+}
+
+ChunkedSession::~ChunkedSession() = default;
+
+std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options) {
+  return std::make_unique<ChunkedSession>(std::move(hierarchy), options);
+}
+
+int64_t ChunkedSession::resident_bytes() const {
+  if (gpu_ == nullptr) return 0;
+  return gpu_->geometry.bytes() + gpu_->texture_bytes + gpu_->instances.bytes() + gpu_->commands.bytes();
+}
+
+void ChunkedSession::settle() { residency_.settle(); }
+
+void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
+  gl::ensure_context();
+  const ChunkedHierarchy& tree = *hierarchy_;
+  std::vector<uint32_t> dropped;
+  if (gpu_ == nullptr) {
+    gpu_ = std::make_unique<Gpu>(tree, residency_.buffer_bytes());
+    const size_t first = residency_.streams() ? tree.roots : tree.node.size();
+    for (uint32_t i = 0; i < first; ++i) {
+      if (const auto upload = residency_.admit(i, true, dropped)) gpu_->upload(tree, *upload, pass.submitted);
+    }
+  }
+  Gpu& gpu = *gpu_;
+  gpu.instance_data.clear();
+  gpu.command_data.clear();
+  for (const CutNode& picked : cut.nodes) {
+    if (!picked.visible && !pass.everything()) continue;
+    const Node& node = tree.node[picked.node];
+    if (residency_.offset(picked.node) < 0) {  // a recorded cut, drawn again after its data went
+      const auto upload = residency_.admit(picked.node, true, dropped);
+      gpu.drop(tree, dropped);
+      if (!upload) {
+        throw Unsupported("chunked: gpu_cache_mb cannot hold this cut of " + std::to_string(cut.nodes.size()) + " nodes");
+      }
+      gpu.upload(tree, *upload, pass.submitted);
+    }
+    residency_.touch(picked.node);
+    const int64_t offset = residency_.offset(picked.node);
+    const auto base_vertex = static_cast<int32_t>(offset / 8);
+    const int64_t first_index = (offset + int64_t{node.vertices} * 8) / tree.index_bytes;
+    const uint32_t count = skirts_ ? node.indices : node.surface_indices;
+    gpu.command_data.push_back({count, 1, static_cast<uint32_t>(first_index), base_vertex,
+                                static_cast<uint32_t>(gpu.instance_data.size())});
+    gpu.instance_data.push_back({node.col, node.row, static_cast<uint32_t>(base_vertex) + node.surface_vertices,
+                                 picked.node, picked.morph,
+                                 static_cast<uint32_t>(tree.root_side >> node.level) << 8 | node.level});
+    pass.submitted.triangles += count / 3;
+    pass.submitted.filler_triangles += (count - node.surface_indices) / 3;
+    pass.submitted.vertices += skirts_ ? node.vertices : node.surface_vertices;
+    ++pass.submitted.nodes;
+  }
+  if (!gpu.command_data.empty()) {
+    if (gpu.instance_data.size() * sizeof(Instance) > static_cast<size_t>(gpu.instances.bytes())) {
+      gpu.reserve(gpu.instance_data.size() * 2);
+    }
+    gpu.instances.upload(0, as_bytes(gpu.instance_data));
+    pass.submitted.upload_bytes += static_cast<int64_t>(gpu.instance_data.size() * (sizeof(Instance) + sizeof(Command)));
+    const bool textured = !gpu.textures.empty();
+    const unsigned program = pass.use(gpu.program, *gpu.field, textured);
+    glUniform2f(glGetUniformLocation(program, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
+                static_cast<float>(tree.quantizer.base));
+    gpu.arrays.bind();
+    const GLenum type = tree.index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
+    if (!textured) {
+      gpu.commands.upload(0, as_bytes(gpu.command_data));
+      glBindBuffer(GL_DRAW_INDIRECT_BUFFER, gpu.commands.id());
+      glMultiDrawElementsIndirect(GL_TRIANGLES, type, nullptr, static_cast<GLsizei>(gpu.command_data.size()), 0);
+      gl::check("glMultiDrawElementsIndirect");
+      pass.submitted.draw_calls += 1;
+    } else {
+      const GLint texels = glGetUniformLocation(program, "u_texels");
+      for (size_t i = 0; i < gpu.command_data.size(); ++i) {
+        const Command& c = gpu.command_data[i];
+        const Node& node = tree.node[gpu.instance_data[i].node];
+        gpu.textures.at(gpu.instance_data[i].node).bind(0);
+        glUniform1f(texels, static_cast<float>(node.texture_side));
+        glDrawElementsInstancedBaseVertexBaseInstance(
+            GL_TRIANGLES, static_cast<GLsizei>(c.count), type,
+            reinterpret_cast<const void*>(static_cast<uintptr_t>(c.first_index) * static_cast<uintptr_t>(tree.index_bytes)), 1,
+            c.base_vertex, c.base_instance);
+      }
+      gl::check("glDrawElementsInstancedBaseVertexBaseInstance");
+      pass.submitted.draw_calls += static_cast<int64_t>(gpu.command_data.size());
+    }
+  }
+  if (!residency_.streams()) return;
+  // What arrived meanwhile becomes resident for the next frame.
+  int64_t moved = 0;
+  for (const PageCache::Want& want : residency_.wanted()) {
+    if (moved >= kUploadPerFrame) break;
+    const auto id = static_cast<uint32_t>(want.id);
+    if (residency_.resident(id)) continue;
+    const auto upload = residency_.admit(id, false, dropped);
+    gpu.drop(tree, dropped);
+    if (!upload) continue;
+    const int64_t before = pass.submitted.upload_bytes;
+    gpu.upload(tree, *upload, pass.submitted);
+    moved += pass.submitted.upload_bytes - before;
+  }
+}
+
+}  // namespace lodlab::chunked

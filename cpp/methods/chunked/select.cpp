@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: MIT
+// Selection: top-down on the projected error (Ulrich 2002, section 10), or by a priority queue under hard
+// budgets; morph weights for the error that the cut is allowed (METHOD.md: why not formula 4).
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/errors.h"
+#include "common/projection.h"
+#include "methods/chunked/session.h"
+
+namespace lodlab::chunked {
+namespace {
+
+Box box_of(const Node& node) {
+  return {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
+}
+
+bool less_urgent(double rho_a, uint32_t a, double rho_b, uint32_t b) {
+  return rho_a != rho_b ? rho_a < rho_b : a > b;
+}
+
+}  // namespace
+
+Projector::Projector(Projection projection, const Camera& camera)
+    : kind(projection), K(camera.K), n(camera.near_plane), s(camera.s), eye(camera.eye) {}
+
+Projector::Place Projector::place(const Node& node) const {
+  double square[3];
+  for (int i = 0; i < 3; ++i) {
+    const double d = std::max({node.lo[i] - eye[i], eye[i] - node.hi[i], 0.0});
+    square[i] = d * d;
+  }
+  const double distance = std::sqrt(square[0] + square[1] + square[2]);
+  if (kind != Projection::kVertical) return {distance, 1.0};
+  const double far_x = std::max(eye.x - node.lo[0], node.hi[0] - eye.x);
+  const double far_y = std::max(eye.y - node.lo[1], node.hi[1] - eye.y);
+  return {distance, elevation_cosine(std::sqrt(far_x * far_x + far_y * far_y), std::sqrt(square[2]))};
+}
+
+double Projector::project(double delta, const Place& at) const {
+  if (kind == Projection::kPaper) return project_paper(delta, K, at.distance, n);
+  return project_strict(delta, K, at.distance, n, s, at.cosine);
+}
+
+double Projector::inverse(double tau, const Place& at) const {
+  if (kind == Projection::kPaper) return inverse_paper(tau, K, at.distance, n);
+  return inverse_strict(tau, K, at.distance, n, s, at.cosine);
+}
+
+Cut ChunkedSession::select(const View& view, const Budget& budget) {
+  const Camera camera = make_camera(view);
+  const Projector projector(projection_, camera);
+  Cut cut;
+  cut.view = view;
+  cut.options = options_json_;
+  cut.promises_bound = projection_ != Projection::kPaper && morph_ != Morph::kFormula4;
+  residency_.next_frame();
+  picked_.clear();
+  if (budget.triangles || budget.nodes) {
+    select_by_priority(camera, projector, budget, cut);
+  } else {
+    select_top_down(camera, projector, *budget.pixel_error, cut);
+  }
+  cut.nodes = picked_;
+  finish(projector, budget, cut);
+  if (residency_.streams()) request_children(cut, projector);
+  return cut;
+}
+
+/// In streaming runs a node can be refined only when all its children are there.
+bool ChunkedSession::refinable(uint32_t node) {
+  return !residency_.streams() || residency_.children_resident(node);
+}
+
+/// Breadth first, so that the cut comes out sorted by node.
+void ChunkedSession::select_top_down(const Camera& camera, const Projector& projector, double tau, Cut& cut) {
+  const std::vector<Node>& nodes = hierarchy_->node;
+  cut.tau = tau;
+  queue_.resize(hierarchy_->roots);
+  for (uint32_t i = 0; i < hierarchy_->roots; ++i) queue_[i] = i;
+  for (size_t head = 0; head < queue_.size(); ++head) {
+    const uint32_t id = queue_[head];
+    const Node& node = nodes[id];
+    if (residency_.streams()) residency_.touch(id);
+    const bool visible = camera.sees(box_of(node));
+    const bool wanted = visible && node.children > 0 && projector.project(node.error, projector.place(node)) > tau;
+    if (wanted && refinable(id)) {
+      for (uint32_t c = 0; c < node.children; ++c) queue_.push_back(node.first_child + c);
+    } else {
+      picked_.push_back({id, 0, 1.0f, visible, wanted});
+    }
+  }
+}
+
+/// Refines the visible node with the largest projected error until the next does not fit. Culled nodes
+/// stay coarse: they are not submitted.
+void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut) {
+  const std::vector<Node>& nodes = hierarchy_->node;
+  const double target = budget.pixel_error.value_or(0.0);
+  const int64_t most_triangles = budget.triangles.value_or(std::numeric_limits<int64_t>::max());
+  const int64_t most_nodes = budget.nodes.value_or(std::numeric_limits<int64_t>::max());
+  const auto less = [](const Candidate& a, const Candidate& b) { return less_urgent(a.rho, a.node, b.rho, b.node); };
+  heap_.clear();
+  int64_t triangles = 0, visible_nodes = 0;
+  const auto add = [&](uint32_t id) {
+    const Node& node = nodes[id];
+    if (residency_.streams()) residency_.touch(id);
+    if (!camera.sees(box_of(node))) {
+      picked_.push_back({id, 0, 1.0f, false, false});
+      return;
+    }
+    triangles += submitted_triangles(node);
+    ++visible_nodes;
+    const double rho = projector.project(node.error, projector.place(node));
+    if (node.children == 0) {
+      picked_.push_back({id, 0, 1.0f, true, false});
+    } else {
+      heap_.push_back({rho, id});
+      std::push_heap(heap_.begin(), heap_.end(), less);
+    }
+  };
+  for (uint32_t i = 0; i < hierarchy_->roots; ++i) add(i);
+  cut.tau = target;
+  while (!heap_.empty()) {
+    const Candidate top = heap_.front();
+    if (top.rho <= target) break;
+    const Node& node = nodes[top.node];
+    int64_t more_triangles = triangles - submitted_triangles(node), more_nodes = visible_nodes - 1;
+    for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) {
+      if (!camera.sees(box_of(nodes[c]))) continue;
+      more_triangles += submitted_triangles(nodes[c]);
+      ++more_nodes;
+    }
+    if (more_triangles > most_triangles || more_nodes > most_nodes) {
+      cut.tau = top.rho;
+      break;
+    }
+    std::pop_heap(heap_.begin(), heap_.end(), less);
+    heap_.pop_back();
+    if (!refinable(top.node)) {
+      cut.tau = std::max(cut.tau, top.rho);
+      picked_.push_back({top.node, 0, 1.0f, true, true});
+      continue;
+    }
+    triangles -= submitted_triangles(node);
+    --visible_nodes;
+    for (uint32_t c = 0; c < node.children; ++c) add(node.first_child + c);
+  }
+  for (const Candidate& rest : heap_) picked_.push_back({rest.node, 0, 1.0f, true, false});
+  std::sort(picked_.begin(), picked_.end(), [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
+}
+
+/// Morph weights, counts and the claim. Half-way between its own surface and its parent's a chunk is at
+/// most t delta + (1 - t) delta_parent off; t is the least morph that keeps this within delta*(tau).
+void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cut& cut) const {
+  for (CutNode& picked : cut.nodes) {
+    const Node& node = hierarchy_->node[picked.node];
+    const Projector::Place place = projector.place(node);
+    const double span = node.parent_error - node.error;
+    double t = 1.0;
+    if (node.parent >= 0 && morph_ == Morph::kBudget && span > 0.0) {
+      t = std::clamp((node.parent_error - projector.inverse(cut.tau, place)) / span, 0.0, 1.0);
+    } else if (node.parent >= 0 && morph_ == Morph::kFormula4 && cut.tau > 0.0) {
+      t = std::clamp(2.0 * projector.project(node.error, place) / cut.tau - 1.0, 0.0, 1.0);
+    }
+    picked.morph = static_cast<float>(t);
+    if (!picked.visible) continue;
+    const double drawn = node.error + (1.0 - static_cast<double>(picked.morph)) * span;
+    cut.predicted_px = std::max(cut.predicted_px, projector.project(drawn, place));
+    cut.triangles += submitted_triangles(node);
+    cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
+    ++cut.visible_nodes;
+    cut.missing_nodes += picked.missing;
+  }
+  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error * (1.0 + 1e-6)) &&
+                   (!budget.triangles || cut.triangles <= *budget.triangles) &&
+                   (!budget.nodes || cut.visible_nodes <= *budget.nodes);
+}
+
+/// Children are requested when their parent is drawn, the most wanted first.
+void ChunkedSession::request_children(const Cut& cut, const Projector& projector) {
+  std::vector<PageCache::Want> wants;
+  for (const CutNode& picked : cut.nodes) {
+    const Node& node = hierarchy_->node[picked.node];
+    if (!picked.visible || node.children == 0) continue;
+    const double rho = projector.project(node.error, projector.place(node));
+    for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) {
+      if (residency_.resident(c)) {
+        residency_.touch(c);
+      } else {
+        wants.push_back({kGeometry, int64_t{c}, rho});
+      }
+    }
+  }
+  residency_.want(std::move(wants));
+}
+
+Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
+  const std::vector<Node>& nodes = hierarchy_->node;
+  if (!resolutions.empty() && resolutions.size() != ids.size()) {
+    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " + std::to_string(ids.size()) + " nodes");
+  }
+  for (size_t i = 0; i < resolutions.size(); ++i) {
+    if (resolutions[i] != 0) {
+      throw InvalidInput("cut: resolution " + std::to_string(resolutions[i]) + " of node " + std::to_string(ids[i]) + ": a chunk has one, 0");
+    }
+  }
+  std::vector<uint8_t> chosen(nodes.size(), 0);
+  for (const int64_t id : ids) {
+    if (id < 0 || id >= static_cast<int64_t>(nodes.size())) {
+      throw InvalidInput("cut: node " + std::to_string(id) + " is not within 0 to " + std::to_string(nodes.size() - 1));
+    }
+    if (chosen[static_cast<size_t>(id)]++) throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
+  }
+  // Ids rise with depth: a node is covered when an ancestor is chosen.
+  std::vector<uint8_t> covered(nodes.size(), 0);
+  Cut cut;
+  cut.options = options_json_;
+  cut.promises_bound = true;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const Node& node = nodes[i];
+    covered[i] = node.parent >= 0 && (covered[static_cast<size_t>(node.parent)] || chosen[static_cast<size_t>(node.parent)]);
+    if (chosen[i] && covered[i]) {
+      throw InvalidInput("cut: node " + std::to_string(i) + " overlaps an ancestor that is also given");
+    }
+    if (!chosen[i] && !covered[i] && node.children == 0) {
+      throw InvalidInput("cut: gap: nothing given covers leaf node " + std::to_string(i) + " at row " +
+                         std::to_string(node.row) + ", column " + std::to_string(node.col));
+    }
+    if (!chosen[i]) continue;
+    cut.nodes.push_back({static_cast<uint32_t>(i), 0, 1.0f, true, false});
+    cut.triangles += submitted_triangles(node);
+    cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
+    ++cut.visible_nodes;
+  }
+  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
+  return cut;
+}
+
+}  // namespace lodlab::chunked

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+// A session on a chunk tree: selection (select.cpp), residency and drawing (draw.cpp).
+//
+// Streaming keeps one invariant: a resident node's parent is resident. A node is refined only when all its
+// children are; so a parent stands in until then, and no frame waits.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "methods/chunked/hierarchy.h"
+#include "methods/chunked/residency.h"
+
+namespace lodlab::chunked {
+
+enum class Projection { kPaper, kStrict, kVertical };
+enum class Morph { kBudget, kFormula4, kNone };
+
+/// Projected errors under one view; constants are computed once a frame.
+struct Projector {
+  Projection kind;
+  double K, n, s;
+  glm::dvec3 eye;
+
+  Projector(Projection projection, const Camera& camera);
+  struct Place {
+    double distance, cosine;
+  };
+  Place place(const Node& node) const;
+  double project(double delta, const Place& place) const;
+  /// The largest delta that projects to at most tau pixels there.
+  double inverse(double tau, const Place& place) const;
+};
+
+class ChunkedSession : public Session {
+ public:
+  ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options);
+  ~ChunkedSession() override;
+
+  Cut select(const View& view, const Budget& budget) override;
+  Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
+  void draw(const Cut& cut, render::Pass& pass) override;
+  int64_t resident_bytes() const override;
+  void settle() override;
+
+ private:
+  struct Candidate {
+    double rho;
+    uint32_t node;
+  };
+  void select_top_down(const Camera& camera, const Projector& projector, double tau, Cut& cut);
+  void select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut);
+  void finish(const Projector& projector, const Budget& budget, Cut& cut) const;
+  void request_children(const Cut& cut, const Projector& projector);
+  int64_t submitted_triangles(const Node& node) const {
+    return (skirts_ ? node.indices : node.surface_indices) / 3;
+  }
+  bool refinable(uint32_t node);
+
+  std::shared_ptr<const ChunkedHierarchy> hierarchy_;
+  std::string options_json_;
+  Projection projection_;
+  Morph morph_;
+  bool skirts_;
+  Residency residency_;
+  std::vector<uint32_t> queue_;
+  std::vector<Candidate> heap_;
+  std::vector<CutNode> picked_;
+
+  struct Gpu;  // GL objects: draw.cpp
+  std::unique_ptr<Gpu> gpu_;
+};
+
+}  // namespace lodlab::chunked
