@@ -26,13 +26,13 @@ namespace lodlab {
 namespace {
 
 constexpr int kFinest = 1, kWidest = 12;  // binary logarithms of the lattice widths, samples
-constexpr int kRidged = 8;                // octaves this wide and wider are folded into ridges
+constexpr int kRidged = 5;                // octaves this wide and wider are folded into ridges
 constexpr int kOctaves = kWidest - kFinest + 1;
 
 /// Amplitude in metres per octave, finest first, at roughness 0.5: fitted to the RMS height differences
 /// of a 3-arc-second tile of the Cascades at lags of 1 to 64 samples.
-constexpr std::array<float, kOctaves> kAmplitude = {6.0f,   16.0f,  40.0f,  80.0f,  140.0f,  210.0f,
-                                                    300.0f, 420.0f, 520.0f, 620.0f, 1000.0f, 1100.0f};
+constexpr std::array<float, kOctaves> kAmplitude = {7.0f,   26.0f,  85.0f,  170.0f, 300.0f, 480.0f,
+                                                    650.0f, 650.0f, 700.0f, 700.0f, 800.0f, 800.0f};
 
 /// A well mixed hash of a lattice point (finalizer of splitmix64).
 inline uint64_t mix(uint64_t h) {
@@ -142,10 +142,10 @@ void row_of_heights(const std::vector<Octave>& octaves, int64_t row, int64_t col
         const float fold = 1.0f - std::abs(noise[i]);
         const float ridge = fold * fold;
         heights[i] += amplitude * weight[i] * (ridge - 0.5f);
-        weight[i] = std::min(1.0f, weight[i] * (0.35f + 0.9f * ridge));
+        weight[i] = std::min(1.0f, weight[i] * (0.25f + 1.5f * ridge));
       }
     } else {
-      for (int64_t i = 0; i < count; ++i) heights[i] += amplitude * (0.3f + 0.9f * weight[i]) * noise[i];
+      for (int64_t i = 0; i < count; ++i) heights[i] += amplitude * (0.15f + 1.1f * weight[i]) * noise[i];
     }
   }
   for (int64_t i = 0; i < count; ++i) heights[i] += 1000.0f;
