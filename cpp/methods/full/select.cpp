@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// There is nothing to select: the one node, whatever the view and the budget.
+#include "base/errors.h"
+#include "methods/full/full.h"
+
+namespace lodlab::full {
+
+Cut FullSession::select(const View& view, const Budget&) {
+  make_camera(view);  // refuses views that are none
+  Cut cut;
+  cut.view = view;
+  cut.nodes = {CutNode{}};
+  cut.tau = 0.0;
+  cut.triangles = hierarchy_->triangles();
+  cut.visible_nodes = 1;
+  cut.options = options_json_;
+  return cut;
+}
+
+Cut FullSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const {
+  if (nodes.empty()) throw InvalidInput("cut: node 0 is missing; the cut does not cover the source");
+  for (const int64_t node : nodes) {
+    if (node != 0)
+      throw InvalidInput("cut: node " + std::to_string(node) + " does not exist; `full` has node 0 alone");
+  }
+  if (nodes.size() > 1)
+    throw InvalidInput("cut: node 0 is listed " + std::to_string(nodes.size()) + " times");
+  if (!resolutions.empty() && (resolutions.size() != 1 || resolutions[0] != 0)) {
+    throw InvalidInput("cut: `full` has resolution 0 alone");
+  }
+  Cut cut;
+  cut.nodes = {CutNode{}};
+  cut.tau = 0.0;
+  cut.triangles = hierarchy_->triangles();
+  cut.visible_nodes = 1;
+  cut.options = options_json_;
+  return cut;
+}
+
+}  // namespace lodlab::full
