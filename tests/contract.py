@@ -1,0 +1,359 @@
+# SPDX-License-Identifier: MIT
+"""What every method must satisfy. A method's test inherits `MethodContract` and names itself.
+
+Laws are those of the instrument: bounds are upper bounds, hard budgets are hard, `pixel_error` is
+reached or missed openly, a still camera's cut is fixed, the finest cut is the source where the method
+says so. The slack is the instrument's: four float steps at the distance to the eye, and 0.01 px.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import lodlab as lod
+from lodlab import _core
+
+PIXEL_SLACK = 0.01  # px; with float steps the one slack of the laws
+
+
+def cliff(rows: int, cols: int) -> np.ndarray:
+    """Two plateaus, 900 m apart, that meet in a vertical step."""
+    return np.where(np.arange(cols)[None, :] < cols // 2, 0.0, 900.0) + np.zeros((rows, 1))
+
+
+def spike(rows: int, cols: int) -> np.ndarray:
+    heights = np.zeros((rows, cols))
+    heights[rows // 3, cols // 2] = 2500.0
+    return heights
+
+
+def voids(rows: int, cols: int) -> np.ndarray:
+    """Hills with a hole at a corner, along an edge, and inside."""
+    heights = hills(rows, cols)
+    heights[: rows // 5, : cols // 5] = np.nan
+    heights[rows // 2 : rows // 2 + 3, -4:] = np.nan
+    heights[rows // 2, cols // 3 : cols // 2] = np.nan
+    return heights
+
+
+def hills(rows: int, cols: int) -> np.ndarray:
+    heights = _core.fractal(rows, cols, 11, 7, seed=3, roughness=0.5)
+    return heights.astype(np.float64)
+
+
+FIELDS = {
+    "smallest": lambda: np.array([[0.0, 3.0], [1.0, 7.0]]),
+    "strip": lambda: hills(2, 150),
+    "odd": lambda: hills(131, 90),
+    "flat": lambda: np.full((67, 70), 12.5),
+    "spike": lambda: spike(90, 140),
+    "cliff": lambda: cliff(80, 121),
+    "voids": lambda: voids(130, 150),
+}
+
+
+def over(field: lod.HeightField, height: float = 0.4, fov: float = 60.0, size=(200, 120)) -> _core.View:
+    """An oblique view from the south-west corner towards the middle."""
+    rows, cols = field.shape
+    dx, dy = field.spacing
+    x0, y0 = field.origin
+    span = max(cols * dx, rows * dy)
+    middle = np.array([x0 + 0.5 * cols * dx, y0 - 0.5 * rows * dy, float(np.nanmean(field.heights))])
+    eye = middle + np.array([-0.7 * span, -0.7 * span, height * span + float(np.nanmax(field.heights))])
+    return _core.View(tuple(eye), tuple(middle), fov=fov, size=size)
+
+
+def float_slack(capture: _core.Capture, view: _core.View) -> float:
+    """Four float steps at the largest distance to the eye, source units."""
+    if len(capture.triangles) == 0:
+        return 0.0
+    far = np.linalg.norm(capture.triangles.reshape(-1, 3) - np.asarray(view.eye), axis=1).max()
+    return 4.0 * far * 2.0**-23
+
+
+class Measured:
+    """A store with what measures it."""
+
+    def __init__(self, method: str, name: str, folder: Path, **options: object) -> None:
+        self.field = lod.HeightField(FIELDS[name](), spacing=(30.0, 40.0))
+        self.store = lod.build(self.field, method, folder / f"{method}-{name}.lod", progress=False, **options)
+        full = lod.build(self.field, "full", folder / f"reference-{name}.lod", progress=False, mode="force")
+        self.full = full.core.session({})
+        self.instrument = _core.Instrument(self.field.core, self.full)
+
+    def session(self, **options: object) -> _core.Session:
+        known = {o["name"] for m in _core.methods() if m["name"] == self.store.method for o in m["options"]}
+        if "stream" in known:
+            options.setdefault("stream", False)
+        return self.store.core.session(options)
+
+    def measure(self, session: _core.Session, cut: _core.Cut, view: _core.View) -> dict[str, float]:
+        return self.instrument.measure(session, cut, view, self.instrument.reference(view))
+
+
+class MethodContract:
+    """Inherit, set `method`, and, where small fields need it, `build_options`."""
+
+    method: ClassVar[str]
+    build_options: ClassVar[dict[str, object]] = {}
+    #: A pixel error that the cut by itself reaches anywhere.
+    loose: ClassVar[float] = 4.0
+
+    @pytest.fixture(scope="class", params=sorted(FIELDS))
+    def made(self, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Measured:
+        return Measured(self.method, request.param, tmp_path_factory.mktemp(request.param), **self.build_options)
+
+    @property
+    def info(self) -> dict:
+        return next(m for m in _core.methods() if m["name"] == self.method)
+
+    # Law 1
+
+    @pytest.mark.parametrize("pixel_error", [0.25, 1.0, 6.0])
+    def test_measured_never_exceeds_predicted(self, made: Measured, pixel_error: float) -> None:
+        session = made.session()
+        for view in (over(made.field), over(made.field, height=0.02, fov=100.0)):
+            cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+            row = made.measure(session, cut, view)
+            assert cut.promises_bound
+            assert row["measured_px_max"] <= row["predicted_px"] + PIXEL_SLACK + self.float_pixels(made, view)
+            assert row["hole_samples"] == 0
+            assert row["capture_mismatch_pixels"] == 0
+
+    def float_pixels(self, made: Measured, view: _core.View) -> float:
+        """Four float steps at the nearest distance that matters project to next to nothing."""
+        return 4.0 * 2.0**-23 * view.size[0] / np.tan(np.radians(view.fov / 2.0))
+
+    def test_stored_bounds_hold_node_by_node(self, made: Measured) -> None:
+        session, view = made.session(), over(made.field)
+        nodes = made.store.nodes
+        for level in np.unique(nodes["level"]):
+            cut = session.cut(self.level_cut(nodes, level), None)
+            row = made.measure(session, cut, view)
+            capture = session.capture(cut, view)
+            bound = nodes["error"][cut.nodes["node"]].max()
+            assert row["measured_max"] <= bound + float_slack(capture, view)
+
+    @staticmethod
+    def level_cut(nodes: np.ndarray, level: int) -> np.ndarray:
+        """All nodes of one level, and the leaves above it."""
+        parents = set(nodes["parent"].tolist())
+        leaf = np.array([i not in parents for i in nodes["id"]])
+        return nodes["id"][(nodes["level"] == level) | (leaf & (nodes["level"] < level))]
+
+    # Law 2
+
+    @pytest.mark.parametrize("triangles", [1, 50, 700, 5000, 10**9])
+    def test_triangle_budget_is_hard(self, made: Measured, triangles: int) -> None:
+        self.check_hard(made, "triangles", triangles)
+
+    @pytest.mark.parametrize("nodes", [1, 3, 10, 10**9])
+    def test_node_budget_is_hard(self, made: Measured, nodes: int) -> None:
+        self.check_hard(made, "nodes", nodes)
+
+    def check_hard(self, made: Measured, name: str, limit: int) -> None:
+        if name not in self.info["budgets"]:
+            pytest.skip(f"{self.method} has no {name} budget")
+        session, view = made.session(), over(made.field)
+        cut, row = session.time_frame(view, _core.Budget(**{name: limit}))
+        coarsest = session.select(view, _core.Budget(**{name: 1}))
+        spent = row[name]
+        assert cut.budget_met == (spent <= limit)
+        if not cut.budget_met:
+            assert spent == {"triangles": coarsest.triangles, "nodes": coarsest.visible_nodes}[name]
+        assert row["triangles"] == cut.triangles == self.submitted(session, cut, view)
+
+    @staticmethod
+    def submitted(session: _core.Session, cut: _core.Cut, view: _core.View) -> int:
+        return len(session.capture(cut, view, everything=False).triangles)
+
+    def test_pixel_error_is_reached_or_missed_openly(self, made: Measured) -> None:
+        session = made.session()
+        for pixel_error in (0.01, 0.5, self.loose, 1000.0):
+            view = over(made.field, height=0.1)
+            cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+            assert cut.budget_met == (cut.predicted_px <= pixel_error * (1 + 1e-6))
+
+    @pytest.mark.parametrize("bad", [0, -1, float("nan")])
+    def test_budgets_that_are_no_budgets(self, bad: float) -> None:
+        for name in ("pixel_error", "triangles", "nodes"):
+            with pytest.raises((lod.errors.InvalidInput, TypeError, ValueError)):
+                self.smallest().select(_core.View((0, 0, 50), (1, 1, 0)), _core.Budget(**{name: bad}))
+
+    def smallest(self) -> _core.Session:
+        field = lod.HeightField(FIELDS["smallest"]())
+        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
+        folder.mkdir(exist_ok=True)
+        return lod.build(field, self.method, folder / f"{self.method}.lod", progress=False, mode="force").core.session({})
+
+    # Law 3
+
+    def test_finest_cut_is_the_source(self, made: Measured) -> None:
+        if not self.info["reproduces_source"]:
+            pytest.skip(f"{self.method} resamples")
+        session, view = made.session(), over(made.field)
+        nodes = made.store.nodes
+        cut = session.cut(self.level_cut(nodes, nodes["level"].max()), None)
+        row = made.measure(session, cut, view)
+        capture = session.capture(cut, view)
+        assert row["measured_max"] <= made.store.info()["quantum"] + float_slack(capture, view)
+
+    # Law 4
+
+    def test_still_camera_has_a_fixed_cut(self, made: Measured) -> None:
+        session, view = made.session(), over(made.field, height=0.1)
+        budget = _core.Budget(pixel_error=2.0)
+        first = session.select(view, budget)
+        for _ in range(20):
+            assert np.array_equal(session.select(view, budget).nodes, first.nodes)
+
+    def test_history_does_not_matter(self, made: Measured) -> None:
+        session, here = made.session(), over(made.field, height=0.1)
+        budget = _core.Budget(pixel_error=1.0)
+        wanted = made.session().select(here, budget).nodes
+        for height in (3.0, 0.01, 0.5):
+            session.select(over(made.field, height=height), budget)
+            assert np.array_equal(session.select(here, budget).nodes, wanted)
+
+    # Coverage, cuts by hand
+
+    def test_no_clear_colour_shows_through(self, made: Measured) -> None:
+        session = made.session()
+        for pixel_error in (0.5, 8.0):
+            view = over(made.field, height=0.15, size=(400, 240))
+            cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+            assert made.measure(session, cut, view)["crack_pixels"] == 0
+
+    def test_a_cut_covers_the_source_once(self, made: Measured) -> None:
+        session, nodes = made.session(), made.store.nodes
+        roots = nodes["id"][nodes["parent"] < 0]
+        assert list(session.cut(roots, None).nodes["node"]) == sorted(roots)
+        with pytest.raises(lod.errors.InvalidInput, match="gap"):
+            session.cut(roots[1:], None)
+        with pytest.raises(lod.errors.InvalidInput, match="twice|overlap"):
+            session.cut(np.concatenate([roots, roots[:1]]), None)
+        with pytest.raises(lod.errors.InvalidInput, match="not within|no node"):
+            session.cut(np.array([10**9]), None)
+
+    @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(seed=st.integers(0, 2**31), rows=st.integers(2, 90), cols=st.integers(2, 90), split=st.floats(0.1, 0.9))
+    def test_random_valid_cuts_hold_their_bounds(self, seed: int, rows: int, cols: int, split: float) -> None:
+        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
+        folder.mkdir(exist_ok=True)
+        field = lod.HeightField(_core.fractal(rows, cols, seed % 997, 0, seed=2, roughness=0.5))
+        store = lod.build(field, self.method, folder / "random.lod", progress=False, mode="force", **self.build_options)
+        full = lod.build(field, "full", folder / "random-full.lod", progress=False, mode="force")
+        instrument = _core.Instrument(field.core, full.core.session({}))
+        session, view, nodes = store.core.session({}), over(field), store.nodes
+        cut = session.cut(random_cut(nodes, np.random.default_rng(seed), split), None)
+        row = instrument.measure(session, cut, view, None, pictures=False)
+        slack = float_slack(session.capture(cut, view), view)
+        assert row["hole_samples"] == 0
+        assert row["measured_max"] <= nodes["error"][cut.nodes["node"]].max() + slack
+
+    @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(
+        eye=st.tuples(*[st.floats(-3e4, 3e4)] * 3),
+        target=st.tuples(*[st.floats(-3e4, 3e4)] * 3),
+        fov=st.floats(1, 170),
+        size=st.tuples(st.integers(1, 64), st.integers(1, 64)),
+    )
+    def test_any_view_is_answered(self, eye, target, fov, size) -> None:
+        if eye == target:
+            return
+        session = self.any_session()
+        view = _core.View(eye, target, fov=fov, size=size)
+        cut = session.select(view, _core.Budget(pixel_error=1.0))
+        assert np.isfinite(cut.predicted_px)
+        frame = session.draw(cut, view)
+        assert frame.image.shape == (size[1], size[0], 4)
+
+    _any: ClassVar[dict[str, _core.Session]] = {}
+
+    def any_session(self) -> _core.Session:
+        if self.method not in self._any:
+            folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
+            folder.mkdir(exist_ok=True)
+            field = lod.HeightField(FIELDS["odd"]())
+            store = lod.build(field, self.method, folder / f"{self.method}-any.lod", progress=False, mode="force")
+            self._any[self.method] = store.core.session({})
+        return self._any[self.method]
+
+    # Determinism, interruption
+
+    def test_same_input_same_content(self, tmp_path: Path) -> None:
+        field = lod.HeightField(FIELDS["odd"]())
+        hashes = set()
+        for i, threads in enumerate((1, 2, 2)):
+            _core.set_thread_count(threads)
+            store = lod.build(field, self.method, tmp_path / f"{i}.lod", progress=False, **self.build_options)
+            hashes.add(store.info()["content_hash"])
+        _core.set_thread_count(0)
+        assert len(hashes) == 1
+
+    @pytest.mark.parametrize("delay", [0.0, 0.02, 0.05, 0.1, 0.2])
+    def test_killed_build_resumes_or_says_incomplete(self, tmp_path: Path, delay: float) -> None:
+        path = tmp_path / "killed.lod"
+        context = multiprocessing.get_context("spawn")
+        ready = context.Event()
+        child = context.Process(target=build_for_ever, args=(self.method, str(path), ready))
+        child.start()
+        assert ready.wait(60)
+        time.sleep(delay)
+        os.kill(child.pid, signal.SIGKILL)
+        child.join()
+        field = lod.HeightField(killed_field())
+        if path.exists():
+            lod.open(path).core.verify()
+        else:
+            with pytest.raises(lod.errors.StoreError):
+                lod.open(path)
+        store = lod.build(field, self.method, path, progress=False, mode="force" if path.exists() else "resume")
+        clean = lod.build(field, self.method, tmp_path / "clean.lod", progress=False)
+        assert store.info()["content_hash"] == clean.info()["content_hash"]
+        store.core.verify()
+
+    def test_unknown_and_bad_options(self, tmp_path: Path) -> None:
+        field = lod.HeightField(FIELDS["smallest"]())
+        with pytest.raises(lod.errors.InvalidInput, match="known"):
+            lod.build(field, self.method, tmp_path / "a.lod", progress=False, no_such_option=1)
+        with pytest.raises(lod.errors.InvalidInput, match="finest_error"):
+            lod.build(field, self.method, tmp_path / "a.lod", progress=False, finest_error=-1.0)
+        assert not list(tmp_path.iterdir())
+
+
+def random_cut(nodes: np.ndarray, random: np.random.Generator, split: float) -> np.ndarray:
+    """Ids of a random valid cut: each node is split with this probability."""
+    children: dict[int, list[int]] = {}
+    for node, parent in zip(nodes["id"].tolist(), nodes["parent"].tolist(), strict=True):
+        children.setdefault(parent, []).append(node)
+    chosen, open_nodes = [], list(children[-1])
+    while open_nodes:
+        node = open_nodes.pop()
+        if node in children and random.random() < split:
+            open_nodes.extend(children[node])
+        else:
+            chosen.append(node)
+    return np.array(sorted(chosen))
+
+
+def killed_field() -> np.ndarray:
+    return _core.fractal(700, 900, 0, 0, seed=5, roughness=0.5)
+
+
+def build_for_ever(method: str, path: str, ready) -> None:  # noqa: ANN001 - a multiprocessing event
+    """Runs in a child that is killed: builds the same store again and again."""
+    field = lod.HeightField(killed_field())
+    ready.set()
+    while True:
+        lod.build(field, method, path, progress=False, mode="force")

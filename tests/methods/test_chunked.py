@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: MIT
+"""chunked against the contract of all methods, and what is its own: morphs, skirts, streaming, colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lodlab as lod
+from lodlab import _core
+from tests.contract import FIELDS, MethodContract, over
+
+
+class TestChunked(MethodContract):
+    method = "chunked"
+    build_options = {"leaf": 16, "chunk_triangles": 128}
+
+
+@pytest.fixture(scope="module")
+def terrain() -> lod.HeightField:
+    return lod.datasets.load("jacksboro")
+
+
+@pytest.fixture(scope="module")
+def store(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) -> lod.stores.Store:
+    return lod.build(terrain, "chunked", tmp_path_factory.mktemp("chunked") / "jacksboro.lod", progress=False)
+
+
+@pytest.fixture(scope="module")
+def instrument(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) -> _core.Instrument:
+    full = lod.build(terrain, "full", tmp_path_factory.mktemp("full") / "full.lod", progress=False)
+    instrument = _core.Instrument(terrain.core, full.core.session({}))
+    instrument.keep = full
+    return instrument
+
+
+def flyover_views(terrain: lod.HeightField, count: int = 6, size: tuple[int, int] = (640, 360)) -> list[_core.View]:
+    path = lod.CameraPath.flyover(terrain, frames=count)
+    return [path.view(f, size=size) for f in range(count)]
+
+
+def largest_jump(store, terrain, instrument, **options: object) -> tuple[float, float]:
+    """Screen jump in pixels and the quantum's own size in pixels, over splits along the flyover.
+
+    The budget is set a hair above and below the projected error of a chunk that is about to split.
+    """
+    session = store.core.session({"stream": False, **options})
+    worst, quantum_px = 0.0, 0.0
+    nodes = store.nodes
+    for view in flyover_views(terrain):
+        cut = session.select(view, _core.Budget(pixel_error=2.0))
+        split = splitting_budget(session, view, cut, 2.0)
+        if split is None:
+            continue
+        above, below = split
+        before, after = session.capture(above, view), session.capture(below, view)
+        assert len(above.nodes) != len(below.nodes)
+        jump = instrument.jump(session, above, below, view)
+        worst = max(worst, jump[0])
+        nearest = min(distance(nodes[n], view.eye) for n in above.nodes["node"][above.nodes["visible"]])
+        quantum_px = max(quantum_px, store.info()["quantum"] * 640 / 2 / np.tan(np.radians(30)) / max(nearest, view.near))
+        del before, after
+    return worst, quantum_px
+
+
+def distance(node: np.void, eye) -> float:
+    gap = np.maximum(np.maximum(node["box_min"] - eye, np.asarray(eye) - node["box_max"]), 0.0)
+    return float(np.linalg.norm(gap))
+
+
+def splitting_budget(session, view, cut, start: float):
+    """Two cuts whose budgets lie a millionth apart, between which a chunk splits."""
+    high, low = start, start
+    nodes = len(cut.nodes)
+    for _ in range(60):
+        low *= 0.93
+        if len(session.select(view, _core.Budget(pixel_error=low)).nodes) != nodes:
+            break
+        high = low
+    else:
+        return None
+    while high / low > 1 + 1e-7:
+        middle = 0.5 * (high + low)
+        if len(session.select(view, _core.Budget(pixel_error=middle)).nodes) == nodes:
+            high = middle
+        else:
+            low = middle
+    return (session.select(view, _core.Budget(pixel_error=high)), session.select(view, _core.Budget(pixel_error=low)))
+
+
+def test_a_split_moves_nothing(store, terrain, instrument) -> None:
+    jump, quantum_px = largest_jump(store, terrain, instrument)
+    assert jump <= 0.05 + quantum_px
+
+
+def test_without_morph_a_split_pops(store, terrain, instrument) -> None:
+    assert largest_jump(store, terrain, instrument, morph="false")[0] > 0.3
+
+
+def test_half_morphed_formula4_breaks_the_budget_openly(store, terrain) -> None:
+    session = store.core.session({"stream": False, "morph": "formula4"})
+    cuts = [session.select(view, _core.Budget(pixel_error=1.0)) for view in flyover_views(terrain)]
+    assert not any(cut.promises_bound for cut in cuts)
+    assert max(cut.predicted_px for cut in cuts) > 1.0
+
+
+@pytest.mark.parametrize("projection", ["strict", "vertical", "paper"])
+def test_projections(store, terrain, instrument, projection: str) -> None:
+    session = store.core.session({"stream": False, "projection": projection})
+    triangles = []
+    for view in flyover_views(terrain):
+        cut = session.select(view, _core.Budget(pixel_error=2.0))
+        triangles.append(cut.triangles)
+        assert cut.promises_bound == (projection != "paper")
+        if cut.promises_bound:
+            row = instrument.measure(session, cut, view, None, pictures=False)
+            assert row["measured_px_max"] <= cut.predicted_px + 0.01
+    strict = store.core.session({"stream": False})
+    full = [strict.select(view, _core.Budget(pixel_error=2.0)).triangles for view in flyover_views(terrain)]
+    assert sum(triangles) <= sum(full)
+
+
+def test_skirts_hide_cracks_that_are_really_there(store, terrain, instrument) -> None:
+    seen = {"skirt": 0, "none": 0}
+    for cracks in seen:
+        session = store.core.session({"stream": False, "cracks": cracks})
+        for view in flyover_views(terrain, count=8):
+            cut = session.select(view, _core.Budget(pixel_error=8.0))
+            seen[cracks] += instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"]
+            assert (cut.filler_triangles > 0) == (cracks == "skirt")
+    assert seen["skirt"] == 0
+    assert seen["none"] > 0
+
+
+def test_triangles_fall_with_the_budget(store, terrain) -> None:
+    session = store.core.session({"stream": False})
+    view = flyover_views(terrain)[0]
+    counts = [session.select(view, _core.Budget(pixel_error=p)).triangles for p in (0.5, 1, 2, 4, 8)]
+    assert counts == sorted(counts, reverse=True) and len(set(counts)) == 5
+
+
+def test_streaming_settles_on_the_cut_of_loaded_data(store, terrain) -> None:
+    view = flyover_views(terrain)[2]
+    budget = _core.Budget(pixel_error=1.0)
+    wanted = store.core.session({"stream": False}).select(view, budget).nodes["node"]
+    session = store.core.session({"stream": True, "cpu_cache_mb": 64, "gpu_cache_mb": 64})
+    first, row = session.time_frame(view, budget)
+    assert row["page_misses"] > 0 and first.missing_nodes > 0
+    assert first.predicted_px > 1.0 and not first.budget_met
+    for _ in range(200):
+        session.settle()
+        cut, row = session.time_frame(view, budget)
+        if cut.missing_nodes == 0:
+            break
+    assert np.array_equal(cut.nodes["node"], wanted)
+    assert row["resident_bytes"] <= 65 << 20
+
+
+def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(store, terrain, instrument) -> None:
+    session = store.core.session({"stream": True, "fetch_delay_ms": 200})
+    for view in flyover_views(terrain, count=4):
+        cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0, triangles=40_000))
+        assert row["triangles"] <= 40_000
+        assert row["frame_ms"] < 200 or row["page_misses"] == 0
+        assert instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"] == 0
+
+
+def test_small_gpu_cache_is_a_hard_limit(terrain, tmp_path: Path) -> None:
+    field = lod.HeightField(_core.fractal(1025, 1025, 0, 0, seed=1, roughness=0.5))
+    store = lod.build(field, "chunked", tmp_path / "f.lod", progress=False)
+    with pytest.raises(lod.errors.InvalidInput, match="gpu_cache_mb of at least"):
+        store.core.session({"stream": False, "gpu_cache_mb": 1})
+    session = store.core.session({"stream": True, "gpu_cache_mb": 4, "cpu_cache_mb": 4})
+    for view in flyover_views(field, count=5):
+        for _ in range(12):
+            session.settle()
+            _, row = session.time_frame(view, _core.Budget(pixel_error=0.5))
+            assert row["resident_bytes"] <= (4 << 20) + 65536
+
+
+def test_colours_follow_the_texel_rule(tmp_path: Path) -> None:
+    rows, cols = 120, 150
+    image = np.zeros((rows, cols, 4), np.uint8)
+    image[..., 0] = np.linspace(0, 255, cols).astype(np.uint8)[None, :]
+    image[..., 1] = np.linspace(0, 255, rows).astype(np.uint8)[:, None]
+    image[..., 3] = 255
+    _core.write_image(str(tmp_path / "colour.png"), image)
+    field = lod.HeightField(_core.fractal(rows, cols, 0, 0, seed=4, roughness=0.5))
+    attribute = str(tmp_path / "colour.png")
+    store = lod.build(field, "chunked", tmp_path / "c.lod", progress=False, attribute=attribute, leaf=16)
+    full = lod.build(field, "full", tmp_path / "full.lod", progress=False, attribute=attribute)
+    view = over(field, height=0.5, size=(320, 200))
+    session, reference = store.core.session({"stream": False}), full.core.session({})
+    cut = session.select(view, _core.Budget(pixel_error=0.5))
+    ours = session.draw(cut, view).image.astype(int)
+    wanted = reference.draw(reference.select(view, _core.Budget(pixel_error=1.0)), view).image.astype(int)
+    # Half a pixel of error moves edges of the hillshade; colours themselves must be the same raster.
+    assert np.abs(ours - wanted).mean() < 3.0
+
+
+def test_fields_of_any_shape_build(tmp_path: Path) -> None:
+    for name, make in FIELDS.items():
+        store = lod.build(lod.HeightField(make()), "chunked", tmp_path / f"{name}.lod", progress=False)
+        assert store.info()["levels"][-1]["error_max"] <= store.info()["quantum"]
+
+
+def test_leaf_must_be_a_power_of_two(tmp_path: Path) -> None:
+    with pytest.raises(lod.errors.InvalidInput, match="leaf = 48"):
+        lod.build(lod.HeightField(np.zeros((9, 9))), "chunked", tmp_path / "x.lod", progress=False, leaf=48)
+
+
+def test_planets_are_refused(tmp_path: Path) -> None:
+    planet = lod.HeightField(np.zeros((19, 36)), planet=True)
+    with pytest.raises(lod.errors.Unsupported, match="planet"):
+        lod.build(planet, "chunked", tmp_path / "p.lod", progress=False)
