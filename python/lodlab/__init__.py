@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""lodlab: a laboratory for level of detail.
+
+Bring a terrain, build its hierarchy with a method, fly a camera along a path under budgets, without a
+window, and get pictures and one table of what each frame cost and how wrong it measurably was.
+
+    import lodlab as lod
+
+    terrain = lod.datasets.load("jacksboro")
+    store = lod.build(terrain, "chunked", "jacksboro.lod")
+    path = lod.CameraPath.flyover(terrain, frames=120)
+    run = lod.fly(store, path, lod.Budget(pixel_error=1.0), size=(1280, 720))
+    run.frames
+"""
+
+from __future__ import annotations
+
+try:
+    from . import _core
+except ImportError as error:
+    raise ImportError(
+        f"lodlab's native core does not load: {error}. It needs the system libraries of Debian's libepoxy0, libegl1, "
+        "libgl1-mesa-dri, libtbb12, libmeshoptimizer2 and libsqlite3-0, and a build for this very Python"
+    ) from error
+
+from . import charts, datasets, errors, report
+from ._core import Budget, View
+from .heightfield import HeightField
+from .paths import CameraPath
+from .results import version as _version
+from .runs import Run, fly
+from .stores import Cut, Frame, Session, Store, build, methods, open
+from .sweeps import Sweep, compare, sweep
+
+__version__ = _version()
+__all__ = [
+    "Budget",
+    "CameraPath",
+    "Cut",
+    "Frame",
+    "HeightField",
+    "Run",
+    "Session",
+    "Store",
+    "Sweep",
+    "View",
+    "build",
+    "charts",
+    "compare",
+    "datasets",
+    "devices",
+    "errors",
+    "fly",
+    "methods",
+    "open",
+    "report",
+    "sweep",
+]
+
+
+def devices() -> list[dict[str, object]]:
+    """The EGL devices of this machine: `index`, `name`, `software`."""
+    return _core.devices()

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: MIT
+"""Charts of results. `pareto`: measured error against frame time and against triangles, the face of the
+project; `timeline`: the frames of runs along their path.
+
+Legible at 700 pixels' width: direct labels instead of legends, colours of Okabe and Ito (told apart by
+colour-blind readers) with a marker shape for each method, and a light and a dark dress.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import InvalidInput
+from .runs import Run
+from .sweeps import Sweep
+
+# Okabe and Ito (2008), in the order in which methods take them; black and its like belong to `full`.
+COLOURS = {
+    "light": ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9"),
+    "dark": ("#56B4E9", "#E69F00", "#2CC79A", "#E29BC4", "#F0E442", "#8FB8DE"),
+}
+MARKERS = ("o", "s", "^", "D", "v", "P")
+INK = {
+    "light": {"page": "#fbfaf8", "text": "#22252a", "faint": "#686d75", "rule": "#dcdad5", "full": "#22252a"},
+    "dark": {"page": "#16181c", "text": "#e8e6e1", "faint": "#a2a6ad", "rule": "#34383f", "full": "#e8e6e1"},
+}
+RESOLVED = 0.01  # pixels: the instrument's slack; errors below it are marked as zero
+BASELINE = "full"
+
+
+class Chart:
+    """A drawn chart: shows itself in notebooks, saves as PNG, SVG or PDF."""
+
+    def __init__(self, draw: Any, title: str):
+        self._draw = draw
+        self.title = title
+
+    def png(self, theme: str = "light", dpi: int = 200) -> bytes:
+        """The bytes of a PNG file."""
+        return self._render(theme, "png", dpi)
+
+    def svg(self, theme: str = "light") -> str:
+        """The text of an SVG file; letters are outlines, so that no font is needed."""
+        return self._render(theme, "svg", 100).decode()
+
+    def save(self, path: str | os.PathLike[str], theme: str = "light") -> None:
+        """Writes the chart; the format follows the file's ending (.png, .svg, .pdf)."""
+        from pathlib import Path
+
+        from .results import write_atomic
+
+        kind = Path(path).suffix.lower().lstrip(".")
+        if kind not in ("png", "svg", "pdf"):
+            raise InvalidInput(f"save chart: {path} ends in none of .png, .svg, .pdf")
+        write_atomic(Path(path), self._render(theme, kind, 200))
+
+    def _render(self, theme: str, kind: str, dpi: int) -> bytes:
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        ink = INK[theme]
+        style = {
+            "font.family": "DejaVu Sans",
+            "font.size": 9.0,
+            "text.color": ink["text"],
+            "axes.labelcolor": ink["text"],
+            "axes.edgecolor": ink["faint"],
+            "xtick.color": ink["faint"],
+            "ytick.color": ink["faint"],
+            "xtick.labelcolor": ink["text"],
+            "ytick.labelcolor": ink["text"],
+            "axes.facecolor": ink["page"],
+            "figure.facecolor": ink["page"],
+            "savefig.facecolor": ink["page"],
+            "grid.color": ink["rule"],
+            "svg.hashsalt": "lodlab",
+            "svg.fonttype": "path",
+        }
+        with matplotlib.rc_context(style):
+            figure = Figure(layout="constrained")
+            FigureCanvasAgg(figure)
+            self._draw(figure, theme)
+            out = io.BytesIO()
+            stamp = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+            figure.savefig(out, format=kind, dpi=dpi, metadata=stamp)
+        return out.getvalue()
+
+    def _repr_png_(self) -> bytes:
+        return self.png(dpi=110)
+
+    def __repr__(self) -> str:
+        return f"<lodlab chart: {self.title}>"
+
+
+def tables_of(result: Any) -> tuple[Any, Any]:
+    """(frames, summary) of a Run, Sweep, list of them, or run directory."""
+    import pandas as pd
+
+    if isinstance(result, Run):
+        return result.frames, pd.DataFrame([result.summary])
+    if isinstance(result, Sweep):
+        return result.frames, result.summary
+    if isinstance(result, (list, tuple)) and result:
+        parts = [tables_of(item) for item in result]
+        return tuple(pd.concat([p[i] for p in parts], ignore_index=True) for i in (0, 1))
+    if isinstance(result, (str, os.PathLike)):
+        return tables_of(Sweep.load(result))
+    raise InvalidInput(f"chart: {type(result).__name__} is no run, sweep or run directory")
+
+
+# ---- series ---------------------------------------------------------------------------------------
+
+
+@dataclass
+class Series:
+    """A curve: one method under one set of options, its budgets in the order of growing error."""
+
+    label: str
+    method: str
+    points: Any  # DataFrame, rows of the summary
+    baseline: bool
+
+
+def series_of(summary: Any) -> list[Series]:
+    """Curves of a summary table. A method with several option sets gets a curve for each, named by what varies."""
+    sets: dict[str, list[str]] = {}
+    for method, options in zip(summary["method"], summary["options"], strict=True):
+        known = sets.setdefault(method, [])
+        if options not in known:
+            known.append(options)
+    out = []
+    for method, option_sets in sets.items():
+        parsed = [json.loads(text) for text in option_sets]
+        varied = [k for k in parsed[0] if len({json.dumps(p.get(k)) for p in parsed}) > 1]
+        for text, values in zip(option_sets, parsed, strict=True):
+            rows = summary[(summary["method"] == method) & (summary["options"] == text)]
+            rows = rows.sort_values(["budget_pixel_error", "budget_triangles", "budget_nodes"])
+            label = ", ".join([method, *(f"{k} {values[k]}" for k in varied)])
+            baseline = rows[["budget_pixel_error", "budget_triangles", "budget_nodes"]].isna().all(axis=None)
+            out.append(Series(label, method, rows, bool(baseline)))
+    return out
+
+
+def dress(series: list[Series], theme: str) -> dict[str, tuple[str, str]]:
+    """Colour and marker for each label; the baseline takes the ink and a star."""
+    out, n = {}, 0
+    for item in series:
+        if item.baseline:
+            out[item.label] = (INK[theme]["full"], "*")
+        else:
+            out[item.label] = (COLOURS[theme][n % len(COLOURS[theme])], MARKERS[n % len(MARKERS)])
+            n += 1
+    return out
+
+
+def budget_label(row: Any) -> str:
+    """A budget as written at its point: `2 px`, `100k tri`, `400 nodes`."""
+    parts = []
+    if not math.isnan(row["budget_pixel_error"]):
+        parts.append(f"{row['budget_pixel_error']:g} px")
+    if not math.isnan(row["budget_triangles"]):
+        parts.append(f"{short(row['budget_triangles'])} tri")
+    if not math.isnan(row["budget_nodes"]):
+        parts.append(f"{short(row['budget_nodes'])} nodes")
+    return ", ".join(parts)
+
+
+def short(value: float, _: Any = None) -> str:
+    """A number as on an axis: 0.5, 20, 1.5k, 2M."""
+    if not math.isfinite(value) or value == 0:
+        return f"{value:g}"
+    for limit, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= limit * 0.9995:
+            return f"{value / limit:.3g}{unit}"
+    return f"{value:.3g}"
+
+
+# ---- pareto ---------------------------------------------------------------------------------------
+
+
+def pareto(result: Any) -> Chart:
+    """Measured error (the worst over a run's measured frames) against median frame time and triangles.
+
+    `result`: Run, Sweep, a list of them, or a run directory. A row of two panels for each source and path; a
+    curve per method, a point per budget. Bars reach from the 5th to the 95th percentile of the frames.
+    """
+    frames, summary = tables_of(result)
+    if summary.empty:
+        raise InvalidInput("pareto: no finished run")
+    if summary["measured_px_max_worst"].isna().all():
+        raise InvalidInput("pareto: no run was measured (accuracy frames 0)")
+    spread = frames.groupby("run")[["frame_ms", "triangles"]].quantile([0.05, 0.95]).unstack()
+    groups = [
+        (f"{source} · {path}", rows)
+        for (source, path), rows in summary[summary["measured_px_max_worst"].notna()].groupby(
+            ["source", "path"], sort=False
+        )
+    ]
+
+    def draw(figure: Any, theme: str) -> None:
+        figure.set_size_inches(7.4, 3.9 * len(groups) + 0.1)
+        grid = figure.subplots(len(groups), 2, sharey="row", squeeze=False)
+        for axes, (name, rows) in zip(grid, groups, strict=True):
+            _pareto_row(axes, name, rows, spread, theme)
+        figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.04)
+
+    return Chart(draw, "measured error against frame time and triangles")
+
+
+def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, theme: str) -> None:
+    ink = INK[theme]
+    series = series_of(rows)
+    look = dress(series, theme)
+    scale = _ErrorScale(rows["measured_px_max_worst"].to_numpy(float))
+    columns = (("frame_ms", "median frame time (ms)"), ("triangles", "median triangles per frame"))
+    for ax, (column, label) in zip(axes, columns, strict=True):
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_ylim(scale.low, scale.high)
+        ax.grid(True, which="major", linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.axhline(scale.floor, color=ink["faint"], linewidth=0.9, dashes=(4, 3))
+        if scale.has_top:
+            ax.axhline(scale.top, color=ink["faint"], linewidth=0.9, dashes=(4, 3))
+        ax.set_xlabel(label)
+        left, right = _limits(rows, spread, column)
+        ax.set_xlim(left, right)
+        for item in series:
+            _curve(ax, item, column, scale, spread, *look[item.label], ink)
+        _ticks(ax, scale)
+    axes[0].set_ylabel("worst measured error (px)")
+    axes[0].set_title(name, loc="left", fontsize=10.5, fontweight="bold")
+    axes[1].set_title("down and left is better", loc="right", fontsize=8.5, color=ink["faint"])
+
+
+class _ErrorScale:
+    """A logarithmic axis with a marked floor for zero and a marked ceiling for infinity (holes)."""
+
+    def __init__(self, errors: np.ndarray):
+        shown = errors[np.isfinite(errors) & (errors >= RESOLVED)]
+        small, large = (shown.min(), shown.max()) if shown.size else (0.1, 1.0)
+        self.floor = 10 ** (math.log10(small) - max(0.35, 0.22 * math.log10(large / small)))
+        self.has_top = bool(np.isinf(errors).any())
+        self.top = large * 3.0
+        self.low = self.floor / 1.6
+        self.high = self.top * 1.4 if self.has_top else large * 1.9
+        self.zero_label = "0" if not ((errors > 0) & (errors < RESOLVED)).any() else f"<{RESOLVED:g}"
+
+    def place(self, errors: np.ndarray) -> np.ndarray:
+        out = np.where(errors < RESOLVED, self.floor, errors)
+        return np.where(np.isinf(out), self.top, out)
+
+
+def _limits(rows: Any, spread: Any, column: str) -> tuple[float, float]:
+    values = np.concatenate([rows[f"{column}_median"], spread.loc[rows["run"], column].to_numpy().ravel()])
+    values = values[np.isfinite(values) & (values > 0)]
+    low, high = values.min(), values.max()
+    room = max(math.log10(high / low), 0.3)
+    return low / 10 ** (0.10 * room), high * 10 ** (0.16 * room)
+
+
+def _curve(
+    ax: Any, item: Series, column: str, scale: _ErrorScale, spread: Any, colour: str, marker: str, ink: Any
+) -> None:
+    x = item.points[f"{column}_median"].to_numpy(float)
+    y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
+    bars = spread.loc[item.points["run"], column].to_numpy(float)
+    ax.hlines(y, np.maximum(bars[:, 0], 1e-9), bars[:, 1], color=colour, linewidth=1.0, alpha=0.45)
+    ax.plot(
+        x, y, color=colour, marker=marker, markersize=11 if item.baseline else 6.5, linewidth=1.8,
+        markeredgecolor=ink["page"], markeredgewidth=0.8, clip_on=False, zorder=3,
+    )  # fmt: skip
+    if item.baseline:
+        ax.annotate(item.label, (x[-1], y[-1]), xytext=(0, 8), textcoords="offset points", ha="center",
+                    color=colour, fontweight="bold", zorder=4)  # fmt: skip
+        return
+    for (_, row), px, py in zip(item.points.iterrows(), x, y, strict=True):
+        ax.annotate(budget_label(row), (px, py), xytext=(7, 3), textcoords="offset points", fontsize=8,
+                    color=ink["faint"], zorder=4)  # fmt: skip
+    end = int(np.argmax(y))
+    ax.annotate(item.label, (x[end], y[end]), xytext=(0, 9), textcoords="offset points", ha="center",
+                color=colour, fontweight="bold", zorder=4)  # fmt: skip
+
+
+def _ticks(ax: Any, scale: _ErrorScale) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    low, high = ax.get_xlim()
+    marks = [m * 10**e for e in range(-4, 10) for m in (1, 2, 5) if low <= m * 10**e <= high]
+    if len(marks) > 6:
+        marks = [m for m in marks if f"{m:e}".startswith("1")]
+    ax.xaxis.set_major_locator(FixedLocator(marks))
+    ax.xaxis.set_major_formatter(FuncFormatter(short))
+    ax.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    top = scale.top / 1.5 if scale.has_top else scale.high
+    errors = [m * 10**e for e in range(-4, 6) for m in (1, 2, 5) if scale.floor * 1.5 < m * 10**e < top]
+    if len(errors) > 8:
+        errors = [m for m in errors if f"{m:e}".startswith("1")]
+    names = {scale.floor: scale.zero_label} | ({scale.top: "∞"} if scale.has_top else {})
+    ax.yaxis.set_major_locator(FixedLocator(sorted([*errors, *names])))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: next((n for k, n in names.items() if math.isclose(k, v)),
+                                                                 short(v))))  # fmt: skip
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+# ---- timeline -------------------------------------------------------------------------------------
+
+
+def timeline(result: Any) -> Chart:
+    """Frame time and error of every frame along the path: predicted as a line, measured as points."""
+    frames, summary = tables_of(result)
+    if summary.empty:
+        raise InvalidInput("timeline: no finished run")
+
+    def draw(figure: Any, theme: str) -> None:
+        figure.set_size_inches(7.4, 4.6)
+        top, low = figure.subplots(2, 1, sharex=True)
+        names = summary["run"].tolist()
+        colours = _shades(names, summary, theme)
+        for ax, label in ((top, "frame time (ms)"), (low, "error (px)")):
+            ax.set_yscale("log")
+            ax.grid(True, axis="y", linewidth=0.6)
+            ax.spines[["top", "right"]].set_visible(False)
+            ax.set_ylabel(label)
+        ends: dict[Any, list[tuple[float, str, str]]] = {top: [], low: []}
+        for name in names:
+            rows = frames[frames["run"] == name]
+            top.plot(rows["frame"], rows["frame_ms"], color=colours[name], linewidth=1.2)
+            ends[top].append((float(rows["frame_ms"].iloc[-8:].median()), name, colours[name]))
+            predicted = rows["predicted_px"].to_numpy(float)
+            if (predicted > 0).any():
+                low.plot(rows["frame"], np.where(predicted > 0, predicted, np.nan), color=colours[name], linewidth=1.2)
+                seen = rows[rows["accuracy"] & (rows["measured_px_max"] >= RESOLVED)]
+                low.plot(seen["frame"], seen["measured_px_max"], "o", color=colours[name], markersize=3.5)
+                ends[low].append((float(predicted[-1]), name, colours[name]))
+        low.set_xlabel("frame · lines: predicted bound, points: measured")
+        last = int(frames["frame"].max())
+        for ax in (top, low):
+            ax.set_xlim(0, max(1, last))
+            _plain_log(ax)
+            _end_labels(ax, ends[ax], max(1, last))
+
+    return Chart(draw, "frame time and error along the path")
+
+
+def _shades(names: list[str], summary: Any, theme: str) -> dict[str, str]:
+    """A colour per run: the method's hue, from dark to light over its budgets."""
+    from matplotlib.colors import to_hex, to_rgb
+
+    page = np.array(to_rgb(INK[theme]["page"]))
+    series = series_of(summary)
+    look = dress(series, theme)
+    out = {}
+    for item in series:
+        base = np.array(to_rgb(look[item.label][0]))
+        runs = item.points["run"].tolist()
+        for i, run in enumerate(runs):
+            out[run] = to_hex(base + (page - base) * 0.55 * i / max(1, len(runs) - 1))
+    return out
+
+
+def _plain_log(ax: Any) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    low, high = ax.get_ylim()
+    marks = [m * 10**e for e in range(-5, 8) for m in (1, 2, 5) if low <= m * 10**e <= high]
+    if len(marks) > 7:
+        marks = [m for m in marks if f"{m:e}".startswith("1")]
+    ax.yaxis.set_major_locator(FixedLocator(marks))
+    ax.yaxis.set_major_formatter(FuncFormatter(short))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def _end_labels(ax: Any, ends: list[tuple[float, str, str]], x: float) -> None:
+    """Names at the right end of their lines, pushed apart where they would overlap."""
+    if not ends:
+        return
+    low, high = (math.log10(v) for v in ax.get_ylim())
+    gap = 0.085
+    placed: list[tuple[float, str, str]] = []
+    for value, name, colour in sorted(ends):
+        y = (math.log10(value) - low) / (high - low) if value > 0 else 0.0
+        if placed:
+            y = max(y, placed[-1][0] + gap)
+        placed.append((y, name, colour))
+    excess = max(0.0, placed[-1][0] - 1.0)
+    for y, name, colour in placed:
+        ax.annotate(name, (1.0, y - excess), xytext=(6, 0), xycoords="axes fraction", textcoords="offset points",
+                    va="center", fontsize=8, color=colour, annotation_clip=False)  # fmt: skip

@@ -1,0 +1,575 @@
+# SPDX-License-Identifier: MIT
+"""The command line: a thin layer over the Python face. Exit status: 0 done; 1 something failed or a check did
+not hold; 2 the user's mistake; 130 stopped by Ctrl-C. `LODLAB_DEBUG=1` shows the traceback of any error.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import lodlab
+
+from . import _core, datasets, pictures, results
+from .errors import GLError, InvalidInput, StoreError, Unsupported
+
+app = typer.Typer(
+    name="lodlab",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    help="A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure.",
+    epilog="Example: lodlab compare jacksboro --out runs/demo",
+)
+
+# ---- arguments that several commands share --------------------------------------------------------
+
+StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="A store, as lodlab build writes it.")]
+SourceText = Annotated[str, typer.Argument(metavar="SOURCE", help="NAME_OR_FILE[:key=value,...], see lodlab datasets.")]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
+PathText = Annotated[
+    str, typer.Option("--path", metavar="NAME|FILE", help="flyover, orbit, walk, zoom, still, or a key-frame file.")
+]
+Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
+Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
+Fov = Annotated[
+    float | None,
+    typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view [default: the path's, or 60]."),
+]
+PixelError = Annotated[
+    float | None, typer.Option("--pixel-error", metavar="P", help="Target for the projected error, pixels.")
+]
+Triangles = Annotated[int | None, typer.Option("--triangles", metavar="T", help="Hard limit on triangles.")]
+Nodes = Annotated[int | None, typer.Option("--nodes", metavar="N", help="Hard limit on nodes.")]
+OptionTexts = Annotated[
+    list[str] | None, typer.Option("-o", metavar="NAME=VALUE", help="An option of the method; may be repeated.")
+]
+AccuracyFrames = Annotated[
+    int, typer.Option("--accuracy-frames", metavar="N", help="Frames to measure, evenly spaced; 0: none.")
+]
+Repeat = Annotated[int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")]
+Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Worker processes; more than 1 disturbs timings.")]
+Device = Annotated[
+    str | None,
+    typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),
+]
+Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]
+SourceOption = Annotated[
+    str | None, typer.Option("--source", metavar="SOURCE", help="The store's source, when it cannot be found again.")
+]
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """(width, height) from `1280x720`."""
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal()):
+        raise InvalidInput(f"size: {text!r} is not WIDTHxHEIGHT in pixels, as 1280x720")
+    return int(width), int(height)
+
+
+def options_from(texts: Sequence[str] | None) -> dict[str, str]:
+    """{name: text} from NAME=VALUE texts."""
+    out: dict[str, str] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise InvalidInput(f"option: {text!r} is not NAME=VALUE")
+        if name in out:
+            raise InvalidInput(f"option: {name} is given twice")
+        out[name] = value
+    return out
+
+
+def numbers_of(name: str, text: str | None, kind: type) -> list[Any] | None:
+    """Numbers from a comma-separated list; None when it was not given."""
+    if text is None:
+        return None
+    try:
+        return [kind(part) for part in text.split(",")]
+    except ValueError:
+        what = "whole numbers" if kind is int else "numbers"
+        raise InvalidInput(f"{name}: {text!r} is not a list of {what} with commas between them") from None
+
+
+def budget_from(pixel_error: float | None, triangles: int | None, nodes: int | None) -> dict[str, Any]:
+    """The budgets that were given."""
+    given = {"pixel_error": pixel_error, "triangles": triangles, "nodes": nodes}
+    return {k: v for k, v in given.items() if v is not None}
+
+
+def open_store(path: Path, source: str | None = None) -> Any:
+    """Opens a store that must be there."""
+    if not path.is_file():
+        raise InvalidInput(f"open store: no file {path}")
+    return lodlab.open(path, source)
+
+
+def print_table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Columns for people: the first left, the others right."""
+    cells = [[str(c) for c in row] for row in (head, *rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    for row in cells:
+        first, rest = row[0].ljust(widths[0]), [c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)]
+        typer.echo("  ".join([first, *rest]).rstrip())
+
+
+def print_json(value: Any) -> None:
+    """JSON on standard output; undefined numbers are null."""
+    typer.echo(json.dumps(value, indent=2, default=lambda v: v.item() if hasattr(v, "item") else str(v)))
+
+
+# ---- what is there --------------------------------------------------------------------------------
+
+
+@app.command(epilog="Example: lodlab doctor")
+def doctor() -> None:
+    """What this machine has, and whether a triangle is really drawn; status 1 with the cure if something is missing."""
+    from .doctor import examine
+
+    missing = []
+    for finding in examine():
+        mark = {True: "ok ", False: "NO ", None: "   "}[finding.ok]
+        typer.echo(f"{mark} {finding.what}: {finding.text}")
+        if finding.ok is False:
+            missing.append(finding)
+            typer.echo(f"     cure: {finding.cure}")
+    if missing:
+        typer.echo(f"error: doctor: missing: {', '.join(f.what for f in missing)}", err=True)
+        raise typer.Exit(1)
+    typer.echo("everything that lodlab needs is there")
+
+
+@app.command("devices", epilog="Example: lodlab devices --json")
+def devices_command(json_: Json = False) -> None:
+    """EGL devices: what --device and LODLAB_DEVICE choose from."""
+    found = lodlab.devices()
+    if json_:
+        print_json(found)
+        return
+    print_table(["index", "name"], [[d["index"], d["name"] + (" (software)" if d["software"] else "")] for d in found])
+
+
+@app.command("methods", epilog="Example: lodlab methods --json")
+def methods_command(json_: Json = False) -> None:
+    """Methods with their budgets and options."""
+    found = lodlab.methods()
+    if json_:
+        print_json(found)
+        return
+    for method in found:
+        typer.echo(f"{method['name']}: {method['summary']}")
+        typer.echo(f"  accepts {', '.join(method['accepts'])}; budgets {', '.join(method['budgets']) or 'ignored'}")
+        for option in method["options"]:
+            typer.echo(f"  -o {option['name']}={results.cell(option['default'])}  {option_text(option)}")
+        typer.echo("")
+
+
+def option_text(option: dict[str, Any]) -> str:
+    """Stage, type, range, unit and meaning of an option."""
+    kind = " | ".join(option["choices"]) if option.get("choices") else option["type"]
+    if option.get("range"):
+        low, high = option["range"]
+        kind += f" from {low:g}" if low is not None else ""
+        kind += f" to {high:g}" if high is not None else ""
+    unit = f" {option['unit']}" if option.get("unit") else ""
+    return f"({option['stage']}; {kind}{unit}) {option['help']}"
+
+
+@app.command("datasets", epilog="Example: lodlab datasets")
+def datasets_command(json_: Json = False) -> None:
+    """Built-in and generated sources."""
+    found = datasets.list()
+    if json_:
+        print_json(found)
+        return
+    for entry in found:
+        typer.echo(f"{entry['name']}: {entry['description']}")
+        dx, dy = entry["spacing"]
+        typer.echo(f"  {entry['rows']} x {entry['cols']} samples, {dx:g} x {dy:g} m; keys: {', '.join(entry['keys'])}")
+
+
+# ---- stores ---------------------------------------------------------------------------------------
+
+
+@app.command("build", epilog="Example: lodlab build jacksboro chunked jacksboro.lod -o finest_error=0.5")
+def build_command(
+    source: SourceText,
+    method: Annotated[str, typer.Argument(metavar="METHOD", help="One of lodlab methods.")],
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
+    option: OptionTexts = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Take up an interrupted build.")] = False,
+) -> None:
+    """Builds a store; ends with sizes, seconds and error bounds per level."""
+    if force and resume:
+        raise InvalidInput("build: --force and --resume exclude each other")
+    if store.exists() and not (force or resume):
+        raise InvalidInput(f"build: {store} is there already; --force replaces it")
+    mode = "force" if force else "resume" if resume else "new"
+    options = options_from(option)
+    _core.resolve_options(method, "build", options)
+    built = lodlab.build(source, method, store, mode=mode, **options)
+    print_levels(built.info())
+    typer.echo(f"{store}: {built.bytes / 1e6:.2f} MB in {built.build_seconds:.2f} s")
+
+
+def print_levels(info: dict[str, Any]) -> None:
+    """Nodes, triangles and error bound of each level."""
+    rows = [[v["level"], f"{v['nodes']:,}", f"{v['triangles']:,}", f"{v['error_max']:.6g}"] for v in info["levels"]]
+    print_table(["level", "nodes", "triangles", "error bound"], rows)
+    typer.echo(
+        f"{info['bytes_per_sample']:.2f} bytes per sample, {info['bytes_per_vertex']:.1f} bytes per vertex, "
+        f"quantum {info['quantum']:.6g}"
+    )
+
+
+@app.command(epilog="Example: lodlab info jacksboro.lod --verify")
+def info(
+    what: Annotated[str, typer.Argument(metavar="STORE_OR_SOURCE", help="A store or a source.")],
+    json_: Json = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Read and check all of a store.")] = False,
+) -> None:
+    """What a store or a source is."""
+    if not is_store(what):
+        if verify:
+            raise InvalidInput(f"info: {what} is a source; --verify is for stores")
+        found = source_info(what)
+        print_json(found) if json_ else print_table(["", ""], [[k, v] for k, v in found.items()])
+        return
+    store = open_store(Path(what))
+    found = store.info()
+    if verify:
+        store.verify()
+    if json_:
+        print_json({**found, **({"verified": True} if verify else {})})
+        return
+    for key in ("method", "source", "source_hash", "content_hash", "format_version", "bytes", "build_seconds"):
+        typer.echo(f"{key}: {found[key]}")
+    typer.echo(f"options: {results.options_text(found['options'])}")
+    print_levels(found)
+    if verify:
+        typer.echo("verified: every page is as it was written")
+
+
+def is_store(what: str) -> bool:
+    """True for files that say that they are a store, by name or by their first bytes."""
+    file = Path(what)
+    if not file.is_file():
+        return file.suffix == ".lod"
+    with file.open("rb") as opened:
+        return opened.read(15) == b"SQLite format 3" or file.suffix == ".lod"
+
+
+def source_info(text: str) -> dict[str, Any]:
+    """What `info` says of a source."""
+    field = lodlab.datasets.load(text)
+    frame = dict(field.core.frame())
+    flat = ("dx", "dy", "x0", "y0")
+    round_ = ("radius", "lon0", "lat0", "dlon", "dlat", "wraps")
+    hidden = flat if field.planet else round_
+    return {
+        "source": field.spec,
+        **{k: v for k, v in frame.items() if k not in hidden},
+        "samples": field.shape[0] * field.shape[1],
+        "void_samples": int(field.valid.size - field.valid.sum()),
+        "source_hash": field.hash,
+    }
+
+
+# ---- runs -----------------------------------------------------------------------------------------
+
+
+@app.command("fly", epilog="Example: lodlab fly jacksboro.lod --out runs/one --pixel-error 1 --path orbit")
+def fly_command(
+    store: StoreFile,
+    out: OutFolder,
+    path: PathText = "flyover",
+    frames: Frames = 120,
+    size: Size = "1280x720",
+    fov: Fov = None,
+    pixel_error: PixelError = None,
+    triangles: Triangles = None,
+    nodes: Nodes = None,
+    option: OptionTexts = None,
+    images: Images = "worst",
+    accuracy_frames: AccuracyFrames = 12,
+    repeat: Repeat = 1,
+    device: Device = None,
+    source: SourceOption = None,
+) -> None:
+    """One run: a store along a path under a budget, timed and measured."""
+    run = lodlab.fly(
+        open_store(store, source),
+        path,
+        budget_from(pixel_error, triangles, nodes),
+        size=size_of(size),
+        frames=frames,
+        fov=fov,
+        images=images,
+        accuracy_frames=accuracy_frames,
+        repeat=repeat,
+        device=device,
+        out=out,
+        **options_from(option),
+    )
+    print_runs([run.summary])
+    typer.echo(f"report: {out / 'report.html'}")
+
+
+def print_runs(rows: Sequence[Any]) -> None:
+    """The runs at a glance."""
+    head = ["run", "frame ms", "p95", "triangles", "predicted px", "measured px", "cracks", "budget met"]
+    names = (
+        "frame_ms_median",
+        "frame_ms_p95",
+        "triangles_median",
+        "predicted_px_worst",
+        "measured_px_max_worst",
+        "crack_pixels_worst",
+    )
+    from .report import number
+
+    body = [[r["run"], *(number(r[n]).replace("\u202f", ",") for n in names), number(r["budget_met"])] for r in rows]
+    print_table(head, body)
+
+
+@app.command(
+    "compare", epilog="Example: lodlab compare jacksboro --out runs/demo --pixel-errors 0.5,1,2 -o chunked.morph=false"
+)
+def compare_command(
+    source: SourceText,
+    out: OutFolder,
+    methods: Annotated[
+        str | None, typer.Option("--methods", metavar="A,B", help="Methods beside full [default: all that can].")
+    ] = None,
+    pixel_errors: Annotated[
+        str | None, typer.Option("--pixel-errors", metavar="P,P,...", help="[default: 0.5,1,2,4,8]")
+    ] = None,
+    triangles: Annotated[str | None, typer.Option("--triangles", metavar="T,T,...", help="Hard limits.")] = None,
+    nodes: Annotated[str | None, typer.Option("--nodes", metavar="N,N,...", help="Hard limits.")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("-o", metavar="METHOD.NAME=VALUE", help="An option; may be repeated.")
+    ] = None,
+    path: PathText = "flyover",
+    frames: Frames = 120,
+    size: Size = "1280x720",
+    fov: Fov = None,
+    images: Images = "worst",
+    accuracy_frames: AccuracyFrames = 12,
+    repeat: Repeat = 1,
+    jobs: Jobs = 1,
+    device: Device = None,
+) -> None:
+    """Every method that accepts the source, and full, over a grid of budgets; ends with the report."""
+    options: dict[str, dict[str, str]] = {}
+    for name, value in options_from(option).items():
+        method, dot, key = name.partition(".")
+        if not dot:
+            raise InvalidInput(f"compare: option {name!r} names no method; give METHOD.NAME=VALUE")
+        options.setdefault(method, {})[key] = value
+    result = lodlab.compare(
+        source,
+        methods=None if methods is None else methods.split(","),
+        pixel_errors=numbers_of("pixel-errors", pixel_errors, float),
+        triangles=numbers_of("triangles", triangles, int),
+        nodes=numbers_of("nodes", nodes, int),
+        options=options,
+        path=path,
+        frames=frames,
+        size=size_of(size),
+        fov=fov,
+        images=images,
+        accuracy_frames=accuracy_frames,
+        repeat=repeat,
+        jobs=jobs,
+        device=device,
+        out=out,
+    )
+    finish(result, out)
+
+
+@app.command("sweep", epilog="Example: lodlab sweep runs/demo/config.toml --out runs/again --jobs 2")
+def sweep_command(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="As the config.toml of any run directory.")],
+    out: OutFolder,
+    jobs: Jobs = 1,
+) -> None:
+    """Runs over a grid of sources, paths, methods, options and budgets; goes on where it was stopped."""
+    finish(lodlab.sweep(config, out=out, jobs=jobs), out)
+
+
+def finish(result: Any, out: Path) -> None:
+    """What compare and sweep end with."""
+    print_runs(result.summary.to_dict("records"))
+    typer.echo(f"report: {out / 'report.html'}")
+
+
+@app.command(epilog="Example: lodlab report runs/demo")
+def report(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run directory.")],
+) -> None:
+    """(Re)writes report.html and the charts from the results."""
+    typer.echo(f"report: {lodlab.report.write(run)}")
+
+
+# ---- pictures and meshes --------------------------------------------------------------------------
+
+
+def one_cut(
+    store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
+) -> tuple[Any, Any, Any]:
+    """(session, cut, view) of one spot on a path; 1 px where no budget is given."""
+    from .runs import check_budget, make_path, still
+
+    if not 0.0 <= at <= 1.0:
+        raise InvalidInput(f"at: {at} is not within 0 to 1")
+    checked = check_budget(store.method, budget or {"pixel_error": 1.0})
+    view = make_path(path, store.source, 2, fov).view_at(at, size_of(size), fov)
+    session = store.session(**still(store.method, options))
+    return session, session.select(view, checked), view
+
+
+@app.command(epilog="Example: lodlab render jacksboro.lod picture.png --at 0.5 --pixel-error 2 --show level")
+def render(
+    store: StoreFile,
+    picture: Annotated[Path, typer.Argument(metavar="OUT.png", help="The picture to write.")],
+    at: At = 0.5,
+    path: PathText = "flyover",
+    size: Size = "1280x720",
+    fov: Fov = None,
+    pixel_error: PixelError = None,
+    triangles: Triangles = None,
+    nodes: Nodes = None,
+    option: OptionTexts = None,
+    show: Annotated[str, typer.Option("--show", metavar="shade|level|wire|normal", help="What to show.")] = "shade",
+    device: Device = None,
+    source: SourceOption = None,
+) -> None:
+    """One picture of a store's cut (1 px where no budget is given)."""
+    if show == "error":
+        raise Unsupported("render: --show error is not in this version; it shows shade, level, wire or normal")
+    pictures.check_name(picture)
+    choose(device)
+    opened = open_store(store, source)
+    budget = budget_from(pixel_error, triangles, nodes)
+    session, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    session.draw(cut, view, show).save(picture)
+    typer.echo(
+        f"{picture}: {cut.visible_nodes} nodes, {cut.triangles:,} triangles, predicted {cut.predicted_px:.3g} px"
+    )
+
+
+@app.command(epilog="Example: lodlab export jacksboro.lod mesh.ply --at 0.5 --triangles 50000")
+def export(
+    store: StoreFile,
+    mesh: Annotated[Path, typer.Argument(metavar="OUT.ply|.glb|.obj", help="The mesh to write.")],
+    at: At = 0.5,
+    path: PathText = "flyover",
+    size: Size = "1280x720",
+    fov: Fov = None,
+    pixel_error: PixelError = None,
+    triangles: Triangles = None,
+    nodes: Nodes = None,
+    option: OptionTexts = None,
+    device: Device = None,
+    source: SourceOption = None,
+) -> None:
+    """The cut of one view as an indexed mesh in source coordinates, without fillers (1 px where no budget is given)."""
+    from .meshes import check_name, save
+
+    check_name(mesh)
+    choose(device)
+    opened = open_store(store, source)
+    budget = budget_from(pixel_error, triangles, nodes)
+    _, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    made = cut.to_trimesh(view)
+    save(mesh, made)
+    typer.echo(f"{mesh}: {len(made.vertices):,} vertices, {len(made.faces):,} triangles")
+
+
+def choose(device: str | None) -> None:
+    """Takes the device that --device names."""
+    if device:
+        _core.choose_device(device)
+
+
+# ---- benchmarks -----------------------------------------------------------------------------------
+
+
+@app.command("bench", epilog="Example: lodlab bench draw --json")
+def bench_command(
+    name: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks [default: all].")] = None,
+    json_: Json = False,
+    list_: Annotated[bool, typer.Option("--list", help="Name the benchmarks.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Status 1 when one falls short of its bar.")] = False,
+) -> None:
+    """Benchmarks, each beside a reference measured in the same process."""
+    from . import bench
+
+    if list_:
+        for key, text in bench.names().items():
+            typer.echo(f"{key}: {text}")
+        return
+    records = bench.run(name, say=lambda text: typer.echo(text, err=True))
+    typer.echo(bench.to_json(records) if json_ else bench.table(records))
+    failures = bench.check(records) if check else []
+    for line in failures:
+        typer.echo(f"error: bench: {line}", err=True)
+    if failures:
+        raise typer.Exit(1)
+
+
+# ---- the program ----------------------------------------------------------------------------------
+
+_MISTAKES = (InvalidInput, Unsupported)
+_FILE_MISTAKES = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, FileExistsError)
+
+
+def status_of(error: BaseException) -> tuple[int, str]:
+    """(exit status, the one line that says what is wrong)."""
+    if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):
+        return 130, "stopped; what was finished is kept"
+    if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own, whatever click it uses
+        return int(error.exit_code), error.format_message()
+    if isinstance(error, _MISTAKES):
+        return 2, str(error)
+    if isinstance(error, (StoreError, GLError)):
+        return 1, str(error)
+    if isinstance(error, _FILE_MISTAKES):
+        return 2, f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
+    if isinstance(error, OSError):
+        return 1, str(error)
+    if isinstance(error, MemoryError):
+        return 1, f"out of memory: {error}" if str(error) else "out of memory"
+    return 1, f"{type(error).__name__}: {error} (LODLAB_DEBUG=1 shows where)"
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line and returns its exit status."""
+    try:
+        return int(app(args=None if arguments is None else list(arguments), standalone_mode=False) or 0)
+    except BrokenPipeError:  # `lodlab methods | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (Exception, KeyboardInterrupt) as error:
+        status, text = status_of(error)
+        if os.environ.get("LODLAB_DEBUG"):
+            traceback.print_exc()
+        if text:
+            print("error: " + " ".join(text.split()), file=sys.stderr)
+        return status
+
+
+def main() -> None:
+    """The entry point of the program `lodlab`."""
+    sys.exit(run())

@@ -1,0 +1,435 @@
+# SPDX-License-Identifier: MIT
+"""The run directory: what a run leaves on disk, so that it can be read, charted, repeated and resumed.
+
+`config.toml` (frozen configuration), `provenance.json`, `frames.csv` (a row a frame), `summary.csv`
+(a row a run), `images/`, `stores/`, and what `report` makes of them.
+
+Invariant: a run counts as done when its row stands in `summary.csv`. Its frames are appended (and
+synced) before that row, so a killed sweep leaves at most frames without a summary; they are dropped when
+the directory is opened for writing again, and the run is repeated.
+"""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import hashlib
+import io
+import json
+import math
+import os
+import platform
+import subprocess
+import tomllib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import InvalidInput, StoreError
+
+KEY_COLUMNS = (
+    "run",
+    "source",
+    "method",
+    "options",
+    "budget_pixel_error",
+    "budget_triangles",
+    "budget_nodes",
+    "path",
+    "frame",
+    "budget_met",
+    "promises_bound",
+    "stream",
+    "device",
+)
+COST_COLUMNS = (
+    "select_ms",
+    "gpu_ms",
+    "frame_ms",
+    "triangles",
+    "vertices",
+    "nodes",
+    "draw_calls",
+    "upload_bytes",
+    "resident_bytes",
+    "page_misses",
+)
+TIME_COLUMNS = ("select_ms", "gpu_ms", "frame_ms")
+ACCURACY_COLUMNS = (
+    "predicted_px",
+    "measured_px_max",
+    "measured_px_p99",
+    "measured_px_rms",
+    "measured_max",
+    "measured_rms",
+    "hole_samples",
+    "measured_samples",
+    "psnr_db",
+    "crack_edges",
+    "crack_pixels",
+    "capture_mismatch_pixels",
+    "crack_mask_share",
+)
+SMALLER_IS_WORSE = ("psnr_db", "ssim", "crack_mask_share", "measured_samples")
+EXTRA_COLUMNS = ("accuracy", "gpu_clock", "filler_triangles")
+FRAME_COLUMNS = KEY_COLUMNS + COST_COLUMNS + ACCURACY_COLUMNS + EXTRA_COLUMNS
+SUMMARY_COLUMNS = (
+    tuple(c for c in KEY_COLUMNS if c != "frame")
+    + tuple(f"{c}_{s}" for c in COST_COLUMNS for s in ("median", "p95", "p99"))
+    + tuple(f"{c}_{s}" for c in ACCURACY_COLUMNS for s in ("worst", "median"))
+    + ("store_bytes", "build_seconds", "gpu_clock", "frames", "accuracy_frames")
+)
+_TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock")
+_FLAG_COLUMNS = ("budget_met", "promises_bound", "stream", "accuracy")
+
+
+# ---- values and rows ------------------------------------------------------------------------------
+
+
+def cell(value: Any) -> str:
+    """One CSV cell: `true`/`false`, empty when unset (None), `nan`, `inf`, shortest exact number."""
+    if value is None:
+        return ""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        number = float(value)
+        if math.isnan(number):
+            return "nan"
+        if math.isinf(number):
+            return "inf" if number > 0 else "-inf"
+        return repr(number)
+    return str(value)
+
+
+def options_text(options: Mapping[str, Any]) -> str:
+    """Compact JSON of all options, keys sorted: the column `options`."""
+    return json.dumps(dict(options), sort_keys=True, separators=(",", ":"))
+
+
+def short_hash(value: Any) -> str:
+    """Twelve hex digits of the canonical JSON of a value: names of stores, `options_hash`."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
+    return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
+
+
+def summarize(rows: Sequence[Mapping[str, Any]], *, store_bytes: int, build_seconds: float) -> dict[str, Any]:
+    """The summary row of a run's frame rows: medians and percentiles of costs, worst and median of errors.
+
+    `predicted_px` is known in every frame; the other accuracy columns are taken over the frames that were
+    measured, and are nan when none was.
+    """
+    first = rows[0]
+    out: dict[str, Any] = {c: first[c] for c in KEY_COLUMNS if c != "frame"}
+    out["budget_met"] = all(r["budget_met"] for r in rows)
+    out["promises_bound"] = all(r["promises_bound"] for r in rows)
+    for column in COST_COLUMNS:
+        values = np.array([r[column] for r in rows], dtype=np.float64)
+        out[f"{column}_median"] = float(np.median(values))
+        out[f"{column}_p95"] = float(np.percentile(values, 95))
+        out[f"{column}_p99"] = float(np.percentile(values, 99))
+    for column in ACCURACY_COLUMNS:
+        values = np.array([r[column] for r in rows], dtype=np.float64)
+        values = values[~np.isnan(values)]
+        worst = np.min if column in SMALLER_IS_WORSE else np.max
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the median of two infinities
+            out[f"{column}_worst"] = float(worst(values)) if values.size else math.nan
+            out[f"{column}_median"] = float(np.median(values)) if values.size else math.nan
+    out["store_bytes"] = store_bytes
+    out["build_seconds"] = build_seconds
+    out["gpu_clock"] = first["gpu_clock"]
+    out["frames"] = len(rows)
+    out["accuracy_frames"] = sum(1 for r in rows if r["accuracy"])
+    return out
+
+
+def read_table(path: Path | str) -> Any:
+    """A `frames.csv` or `summary.csv` as a pandas DataFrame: bools as bool, unset and undefined as NaN."""
+    import pandas as pd
+
+    path = Path(path)
+    if not path.is_file():
+        raise InvalidInput(f"read results: no file {path} (a run directory has frames.csv and summary.csv)")
+    with path.open(newline="") as file:
+        header = next(csv.reader(file), [])
+    text = {c: str for c in header if c in _TEXT_COLUMNS}
+    missing = {c: ["", "nan"] for c in header if c not in _TEXT_COLUMNS and c not in _FLAG_COLUMNS}
+    return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
+
+
+def table(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Any:
+    """Rows as a DataFrame that equals the one read back from the file."""
+    import pandas as pd
+
+    frame = pd.DataFrame([[r[c] for c in columns] for r in rows], columns=list(columns))
+    for column in ("budget_pixel_error", "budget_triangles", "budget_nodes"):
+        if column in frame:
+            frame[column] = frame[column].astype("float64")
+    return frame
+
+
+# ---- configuration --------------------------------------------------------------------------------
+
+
+def toml_text(config: Mapping[str, Any]) -> str:
+    """A configuration as TOML: scalars and lists, tables, arrays of tables. None is left out."""
+    lines: list[str] = []
+    _toml_table(lines, config, "")
+    return "\n".join(lines) + "\n"
+
+
+def _toml_table(lines: list[str], values: Mapping[str, Any], prefix: str) -> None:
+    def is_tables(value: Any) -> bool:
+        return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
+
+    for key, value in values.items():
+        if value is not None and not isinstance(value, Mapping) and not is_tables(value):
+            lines.append(f"{key} = {_toml_value(value)}")
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"[{prefix}{key}]"]
+            _toml_table(lines, value, f"{prefix}{key}.")
+        elif is_tables(value):
+            for item in value:
+                lines += ["", f"[[{prefix}{key}]]"]
+                _toml_table(lines, item, f"{prefix}{key}.")
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return cell(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
+    raise TypeError(f"no TOML form for {type(value).__name__}")
+
+
+def first_difference(old: Any, new: Any, where: str = "") -> str | None:
+    """Names the first key at which two configurations differ, or None."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in [*old, *(k for k in new if k not in old)]:
+            if key not in old or key not in new:
+                return f"{where}{key}: {old.get(key, 'unset')} there, {new.get(key, 'unset')} now"
+            found = first_difference(old[key], new[key], f"{where}{key}.")
+            if found:
+                return found
+        return None
+    if isinstance(old, list) and isinstance(new, list):
+        for i, (a, b) in enumerate(zip(old, new, strict=False)):
+            found = first_difference(a, b, f"{where}{i + 1}.")
+            if found:
+                return found
+    return None if old == new else f"{where.rstrip('.')}: {old!r} there, {new!r} now"
+
+
+# ---- provenance -----------------------------------------------------------------------------------
+
+
+def version() -> str:
+    """lodlab's version as installed; `0+source` when it runs from a tree that was never installed."""
+    try:
+        return metadata.version("lodlab")
+    except metadata.PackageNotFoundError:
+        return "0+source"
+
+
+def commit() -> str:
+    """The commit of the tree that this package lies in, with `+` when it was changed; else `unknown`."""
+    here = Path(__file__).resolve().parent
+    git = ["git", "-C", str(here)]
+    try:
+        if subprocess.run([*git, "ls-files", "--error-unmatch", __file__], capture_output=True, timeout=10).returncode:
+            return "unknown"
+        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10).stdout.strip()
+        changed = subprocess.run([*git, "status", "--porcelain", "-uno"], capture_output=True, text=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return head + ("+" if changed.stdout.strip() else "") if head else "unknown"
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, memory, system and Python of this machine."""
+    cpu = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                cpu = line.split(":", 1)[1].strip()
+                break
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (OSError, ValueError):
+        memory = 0
+    return {
+        "cpu": cpu,
+        "cores": os.cpu_count(),
+        "memory_bytes": memory,
+        "system": platform.platform(),
+        "python": platform.python_version(),
+    }
+
+
+def now() -> str:
+    """The time in UTC, ISO 8601, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+# ---- the directory --------------------------------------------------------------------------------
+
+
+class RunDirectory:
+    """One run directory, open for writing by one process at a time."""
+
+    def __init__(self, path: Path | str, config: Mapping[str, Any]):
+        """Creates the directory, or takes up the one that holds the same configuration.
+
+        Raises InvalidInput when it holds another configuration or files that are not a run's;
+        StoreError when another process is writing to it.
+        """
+        self.path = Path(path)
+        if self.path.exists() and not self.path.is_dir():
+            raise InvalidInput(f"run directory: {self.path} is a file, not a directory")
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = (self.path / ".lock").open("a")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._lock.close()
+            raise StoreError(f"run directory: another process is writing to {self.path}") from None
+        try:
+            self._take_up(config)
+        except BaseException:
+            self.close()
+            raise
+
+    def _take_up(self, config: Mapping[str, Any]) -> None:
+        text = toml_text(config)
+        file = self.path / "config.toml"
+        if file.exists():
+            difference = first_difference(read_config(file), tomllib.loads(text))
+            if difference:
+                raise InvalidInput(
+                    f"run directory: {self.path} holds a run with another configuration ({difference}); "
+                    "choose another directory or remove this one"
+                )
+        else:
+            if (self.path / "frames.csv").exists():
+                raise InvalidInput(f"run directory: {self.path} holds frames.csv without config.toml; choose another")
+            write_atomic(file, HEAD + text)
+        self.done = self._settle()
+        for name, columns in (("frames.csv", FRAME_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
+            if not (self.path / name).exists():
+                write_atomic(self.path / name, ",".join(columns) + "\r\n")
+
+    def _settle(self) -> set[str]:
+        """Drops what a killed process left half-written; the names of the runs that are complete."""
+        for name, columns in (("frames.csv", FRAME_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
+            rows = self._read(name)
+            if rows and tuple(rows[0]) != columns:
+                raise InvalidInput(
+                    f"run directory: {self.path / name} has other columns than this version writes; "
+                    "choose another directory"
+                )
+        done = {row[0] for row in self._read("summary.csv")[1:]}
+        for name in ("frames.csv", "summary.csv"):
+            if (self.path / name).exists():
+                rows = self._read(name)
+                self._write(name, rows[:1] + [row for row in rows[1:] if row[0] in done])
+        return done
+
+    def _read(self, name: str) -> list[list[str]]:
+        """Complete rows, header first; a last line that was cut off is left out."""
+        file = self.path / name
+        if not file.exists():
+            return []
+        text = file.read_bytes().decode()
+        whole = text[: text.rfind("\n") + 1]
+        rows = list(csv.reader(io.StringIO(whole, newline="")))
+        return [row for row in rows if len(row) == len(rows[0])]
+
+    def _write(self, name: str, rows: Sequence[Sequence[str]]) -> None:
+        text = io.StringIO(newline="")
+        csv.writer(text).writerows(rows)
+        if (self.path / name).read_bytes() != text.getvalue().encode():
+            write_atomic(self.path / name, text.getvalue())
+
+    def append(self, frames: Sequence[Mapping[str, Any]], summary: Mapping[str, Any]) -> None:
+        """Adds a finished run: its frames, then its summary, each synced to disk."""
+        for name, columns, rows in (("frames.csv", FRAME_COLUMNS, frames), ("summary.csv", SUMMARY_COLUMNS, [summary])):
+            text = io.StringIO(newline="")
+            csv.writer(text).writerows([cell(row[c]) for c in columns] for row in rows)
+            with (self.path / name).open("ab") as file:
+                file.write(text.getvalue().encode())
+                file.flush()
+                os.fsync(file.fileno())
+        self.done.add(summary["run"])
+
+    def arrange(self, order: Sequence[str]) -> None:
+        """Puts the rows of both tables into the order of the configuration's runs."""
+        rank = {name: i for i, name in enumerate(order)}
+        for name in ("frames.csv", "summary.csv"):
+            rows = self._read(name)
+            self._write(name, rows[:1] + sorted(rows[1:], key=lambda row: rank.get(row[0], len(rank))))
+
+    def provenance(self, **values: Any) -> None:
+        """Writes `provenance.json`; keeps the start and the sources of what stands there already."""
+        file = self.path / "provenance.json"
+        old = json.loads(file.read_text()) if file.exists() else {}
+        record = {
+            "lodlab": version(),
+            "commit": commit(),
+            "start": now(),
+            **old,
+            "machine": machine(),
+            **values,
+        }
+        record["sources"] = {**old.get("sources", {}), **values.get("sources", {})}
+        record["end"] = now()
+        write_atomic(file, json.dumps(record, indent=2) + "\n")
+
+    def close(self) -> None:
+        """Lets go of the lock."""
+        self._lock.close()
+
+    def __enter__(self) -> RunDirectory:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+HEAD = "# lodlab run configuration, every default written out. Repeat: lodlab sweep config.toml --out DIRECTORY\n"
+
+
+def read_config(file: Path | str) -> dict[str, Any]:
+    """A TOML file as a dict; InvalidInput names file, line and column of a mistake."""
+    file = Path(file)
+    if not file.is_file():
+        raise InvalidInput(f"configuration: no file {file}")
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"configuration: {file} is not valid TOML: {error}") from None
+
+
+def write_atomic(file: Path, data: str | bytes) -> None:
+    """Writes a file whole or not at all: temporary name, sync, rename."""
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as out:
+            out.write(data.encode() if isinstance(data, str) else data)
+            out.flush()
+            os.fsync(out.fileno())
+        temporary.replace(file)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
