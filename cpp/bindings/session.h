@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+// Sessions, cuts and captures as Python holds them; the instrument's and the benchmarks' bindings use them.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bindings/common.h"
+#include "geometry/view.h"
+#include "method/method.h"
+#include "render/frame.h"
+
+namespace lodlab {
+
+/// A cut remembers the store that it was selected from: node numbers mean nothing to another.
+struct PyCut {
+  Cut cut;
+  std::shared_ptr<const Hierarchy> hierarchy;
+};
+
+/// A session; it belongs to the thread that first drew with it.
+class PySession {
+ public:
+  PySession(std::shared_ptr<PyStore> store, const pybind11::dict& draw_options);
+
+  const PyStore& store() const { return *store_; }
+  const Options& options() const { return options_; }
+  /// The session, for calls that select; GLError on another thread than the one that drew.
+  Session& selecting() const;
+  /// The session, for calls that draw; the first makes this thread the owner.
+  Session& drawing();
+  /// Draws this cut into a pass. InvalidInput when it is another store's. Call on the drawing thread.
+  render::DrawCall draw_call(const PyCut& cut);
+
+ private:
+  std::shared_ptr<PyStore> store_;
+  Options options_;
+  std::unique_ptr<Session> session_;
+  std::optional<std::thread::id> owner_;
+};
+
+/// What transform feedback captured; arrays are made when asked for.
+struct PyCapture {
+  render::Captured captured;
+};
+
+/// "shade", "normal", "level", "class". InvalidInput lists them.
+render::Show show_of(const std::string& text);
+
+/// A vector's memory as an array of this shape, without a copy.
+template <class T>
+pybind11::array_t<T> array_of(std::vector<T> values, std::vector<pybind11::ssize_t> shape) {
+  auto* kept = new std::vector<T>(std::move(values));
+  const pybind11::capsule owner(kept, [](void* held) { delete static_cast<std::vector<T>*>(held); });
+  return pybind11::array_t<T>(std::move(shape), kept->data(), owner);
+}
+
+}  // namespace lodlab
