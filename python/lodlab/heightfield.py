@@ -302,6 +302,17 @@ class HeightField:
             self._hash = self._core.hash()
         return self._hash
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker process needs to have the same field."""
+        core = self._core
+        frame = {k: v for k, v in core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
+        return {"arrays": (core.heights, core.valid), "frame": frame, "spec": core.spec, "name": self.name}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._core = _core.HeightField(*state["arrays"], **state["frame"], spec=state["spec"])
+        self.name = state["name"]
+        self._hash = None
+
     def __repr__(self) -> str:
         core = self._core
         voids = 0 if core.valid is None else int(core.valid.size - np.count_nonzero(core.valid))
