@@ -17,7 +17,7 @@ std::vector<OptionSpec> option_table() {
   return {
       {"finest_error", 0.0, kBuild, "source units", "Error of the last level; 0 keeps every height up to the quantum.", {}, 0.0, 1e9},
       {"leaf", int64_t{64}, kBuild, "samples", "Side of a chunk of the last level, a power of two.", {}, 4, 256},
-      {"chunk_triangles", int64_t{4096}, kBuild, "triangles",
+      {"chunk_triangles", int64_t{8192}, kBuild, "triangles",
        "Mean triangles of a chunk that no level but the last exceeds; sets where errors start to double.", {}, 64, 65536},
       {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
       {"tau_max", 8.0, kBuild, "pixels", "Largest pixel error for which texels stay below a pixel (equation 7).", {}, 0.01, 1000.0},
