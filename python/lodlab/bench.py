@@ -149,14 +149,14 @@ def _draw(lab: Lab) -> Iterable[Record]:
         session = store.session(DRAW_OPTIONS)
         view = lab.views(spec, 9)[4]
         cut = session.select(view, _core.Budget(pixel_error=1.0))
-        reference = _core.StaticReference(session, cut, view)
+        reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
         for discard in (False, True):
             lab.say(f"draw chunked/{name}{'/discard' if discard else ''}")
             yield _draw_case(name, store, session, cut, view, reference, discard)
 
 
 def _draw_case(name: str, store: Any, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:
-    times = interleaved(lambda: session.time_draw(cut, view, discard), lambda: reference.time(view, discard), PAIRS)
+    times = interleaved(lambda: session.time_draw(cut, view, discard), lambda: reference.time_draw(view, discard), PAIRS)
     ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
     ours, theirs = np.median(times, axis=0)
     return _record(
@@ -211,7 +211,7 @@ def _select(lab: Lab) -> Iterable[Record]:
         budget = _core.Budget(pixel_error=pixel_error)
         lab.say(f"select chunked/fractal-{size}")
         times, chunks = _core.time_select(session, views, budget, 21)
-        scan = _core.time_scan(store, views, budget, 21)
+        scan = _core.time_scan(store, views, pixel_error, 21)
         per_repeat = np.median(scan, axis=1) / np.median(times, axis=1)
         ratio, low, high = bootstrap_median(per_repeat)
         yield _record(
