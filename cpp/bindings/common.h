@@ -35,6 +35,7 @@ void bind_store(pybind11::module_& m);
 void bind_session(pybind11::module_& m);
 void bind_instrument(pybind11::module_& m);
 void bind_devices(pybind11::module_& m);
+void bind_bench(pybind11::module_& m);
 #ifdef LODLAB_OPENIMAGEIO
 void bind_imageio(pybind11::module_& m);
 #endif

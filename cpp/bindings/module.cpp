@@ -76,6 +76,7 @@ PYBIND11_MODULE(_core, m) {
   lodlab::bind_session(m);
   lodlab::bind_instrument(m);
   lodlab::bind_devices(m);
+  lodlab::bind_bench(m);
 #ifdef LODLAB_OPENIMAGEIO
   lodlab::bind_imageio(m);
 #endif
