@@ -2,6 +2,7 @@
 #include "instrument/instrument.h"
 
 #include <algorithm>
+#include <string>
 
 #include "base/errors.h"
 #include "geometry/bounds.h"
@@ -17,6 +18,20 @@ namespace {
 std::shared_ptr<const HeightField> not_null(std::shared_ptr<const HeightField> field) {
   if (field == nullptr) throw InvalidInput("instrument: no height field to measure against");
   return field;
+}
+
+void check_view(const Reference& reference, const Camera& camera) {
+  const Camera& r = reference.camera;
+  if (r.width != camera.width || r.height != camera.height) {
+    throw InvalidInput("measure: the reference is " + std::to_string(r.width) + " x " +
+                       std::to_string(r.height) + " pixels; the view is " + std::to_string(camera.width) +
+                       " x " + std::to_string(camera.height));
+  }
+  if (r.eye == camera.eye && r.forward == camera.forward && r.right == camera.right && r.K == camera.K &&
+      r.near_plane == camera.near_plane) {
+    return;
+  }
+  throw InvalidInput("measure: the reference is of another view");
 }
 
 /// The drawn frame against its own capture, and against the reference where there is one.
@@ -45,6 +60,7 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
                                                        const render::DrawCall& draw_full) const {
   if (grid_.size() > kMostPictureSamples) return nullptr;
   auto out = std::make_shared<Reference>();
+  out->camera = camera;
   out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
   out->classes = render::draw_picture(camera, render::Show::kClass, draw_full, false);
   return out;
@@ -55,6 +71,7 @@ Accuracy Instrument::measure(const Camera& camera, const render::DrawCall& draw_
   Accuracy out;
   out.predicted_px = wanted.predicted_px;
   const Reference* reference = wanted.pictures ? wanted.reference : nullptr;
+  if (reference != nullptr) check_view(*reference, camera);
   {
     const render::Captured whole = render::capture(camera, draw_cut, true);
     const DrawnSurface surface(*field_, grid_, whole);

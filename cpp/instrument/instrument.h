@@ -19,6 +19,7 @@ inline constexpr int64_t kMostPictureSamples = 32'000'000;
 
 /// What the source at full resolution looks like in one view.
 struct Reference {
+  Camera camera;
   render::Picture shade;    ///< with depth
   render::Picture classes;  ///< Show::kClass
 };
@@ -48,8 +49,8 @@ class Instrument {
     const Reference* reference = nullptr;  ///< null: the columns that compare with it are nan
     bool pictures = true;                  ///< false: no picture is drawn at all; geometric columns only
   };
-  /// Measures a drawn cut. A vertex that is not finite throws InvalidInput naming its node, and so does
-  /// a reference of another size than the camera's.
+  /// Measures a drawn cut. Throws InvalidInput for a vertex that is not finite, naming its node, and for
+  /// a reference of another view.
   Accuracy measure(const Camera& camera, const render::DrawCall& draw_cut,
                    const render::FieldResources& resources, const Wanted& wanted) const;
 

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: MIT
+// The instrument for Python: one object a source. It draws the cuts that it measures, on the thread that
+// owns the GL context; what takes long runs without the GIL.
+#include "instrument/instrument.h"
+
+#include <pybind11/stl.h>
+
+#include "base/errors.h"
+#include "bindings/session.h"
+#include "geometry/coverage.h"
+#include "gl/context.h"
+#include "instrument/slack.h"
+
+namespace py = pybind11;
+
+namespace lodlab {
+namespace {
+
+using instrument::Accuracy;
+using instrument::Instrument;
+using instrument::Reference;
+
+class PyInstrument {
+ public:
+  PyInstrument(std::shared_ptr<HeightField> field, std::shared_ptr<PySession> reference)
+      : field_(std::move(field)), instrument_(field_), hash_(field_->hash()), full_(std::move(reference)) {
+    if (full_ != nullptr) check_source(*full_, "Instrument");
+  }
+
+  const Instrument& core() const { return instrument_; }
+
+  std::shared_ptr<const Reference> reference(const View& view) {
+    if (full_ == nullptr)
+      throw InvalidInput("reference: the instrument was made without a session of `full`");
+    const Camera camera = make_camera(view);
+    const PyCut cut{full_->selecting().select(view, Budget()), full_->store().hierarchy};
+    return instrument_.reference(camera, full_->draw_call(cut));
+  }
+
+  Accuracy measure(PySession& session, const PyCut& cut, const View& view, const Reference* reference,
+                   bool pictures) {
+    check_source(session, "measure");
+    const Camera camera = make_camera(view);
+    const render::DrawCall draw = session.draw_call(cut);
+    return instrument_.measure(camera, draw, resources(), {cut.cut.predicted_px, reference, pictures});
+  }
+
+  instrument::Jump jump(PySession& session, const PyCut& before, const PyCut& after, const View& view) {
+    check_source(session, "jump");
+    const Camera camera = make_camera(view);
+    const render::Captured from = render::capture(camera, session.draw_call(before), true);
+    const render::Captured to = render::capture(camera, session.draw_call(after), true);
+    return instrument_.jump(camera, from, to);
+  }
+
+  std::vector<instrument::NodeError> node_errors(PySession& session, const PyCut& cut, const View& view) {
+    check_source(session, "node_errors");
+    return instrument_.node_errors(render::capture(make_camera(view), session.draw_call(cut), true));
+  }
+
+ private:
+  void check_source(const PySession& session, const char* operation) const {
+    const StoreMeta& meta = session.store().store->meta();
+    if (meta.source_hash == hash_) return;
+    throw InvalidInput(std::string(operation) + ": store " + session.store().store->path() +
+                       " was built from another source than the instrument's");
+  }
+
+  const render::FieldResources& resources() {
+    gl::ensure_context();
+    if (resources_ == nullptr) resources_ = render::make_field_resources(*field_, coverage_bits(*field_));
+    return *resources_;
+  }
+
+  std::shared_ptr<HeightField> field_;
+  Instrument instrument_;
+  std::string hash_;
+  std::shared_ptr<PySession> full_;
+  std::shared_ptr<const render::FieldResources> resources_;
+};
+
+/// Read-only memory of a reference, which it keeps alive.
+template <class T>
+py::array_t<T> view_of(const std::vector<T>& data, const std::vector<py::ssize_t>& shape,
+                       const py::object& owner) {
+  py::array_t<T> out(shape, data.data(), owner);
+  py::detail::array_proxy(out.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+  return out;
+}
+
+py::object picture_of(const py::object& self, const render::Picture& picture) {
+  return view_of(picture.rgba, {picture.height, picture.width, 4}, self);
+}
+
+py::dict columns(const Accuracy& a) {
+  py::dict out;
+  out["predicted_px"] = a.predicted_px;
+  out["measured_px_max"] = a.measured_px_max;
+  out["measured_px_p99"] = a.measured_px_p99;
+  out["measured_px_rms"] = a.measured_px_rms;
+  out["measured_max"] = a.measured_max;
+  out["measured_rms"] = a.measured_rms;
+  out["hole_samples"] = a.hole_samples;
+  out["measured_samples"] = a.measured_samples;
+  out["crack_edges"] = a.crack_edges;
+  out["crack_pixels"] = a.crack_pixels;
+  out["crack_mask_share"] = a.crack_mask_share;
+  out["capture_mismatch_pixels"] = a.capture_mismatch_pixels;
+  out["psnr_db"] = a.psnr_db;
+  return out;
+}
+
+py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
+  std::vector<uint32_t> nodes;
+  std::vector<double> largest;
+  for (const instrument::NodeError& error : errors) {
+    nodes.push_back(error.node);
+    largest.push_back(error.max);
+  }
+  const py::ssize_t count = static_cast<py::ssize_t>(errors.size());
+  return py::make_tuple(array_of(std::move(nodes), {count}), array_of(std::move(largest), {count}));
+}
+
+void bind_reference(py::module_& m) {
+  py::class_<Reference, std::shared_ptr<Reference>>(m, "Reference",
+                                                    "The source at full resolution in one view.")
+      .def_property_readonly(
+          "image",
+          [](const py::object& self) { return picture_of(self, self.cast<const Reference&>().shade); },
+          "(H, W, 4) uint8, row 0 on top, read-only.")
+      .def_property_readonly(
+          "classes",
+          [](const py::object& self) { return picture_of(self, self.cast<const Reference&>().classes); },
+          "(H, W, 4) uint8; red 0: nothing, 255: the surface's outside, 128: its inside.")
+      .def_property_readonly(
+          "depth",
+          [](const py::object& self) {
+            const render::Picture& shade = self.cast<const Reference&>().shade;
+            return view_of(shade.depth, {shade.height, shade.width}, self);
+          },
+          "(H, W) float32, distance along the view axis in source units, inf where empty, read-only.")
+      .def("__repr__", [](const Reference& r) {
+        return "Reference(" + std::to_string(r.shade.width) + " x " + std::to_string(r.shade.height) +
+               " pixels)";
+      });
+}
+
+}  // namespace
+
+void bind_instrument(py::module_& m) {
+  const auto session = py::arg("session"), cut = py::arg("cut"), view = py::arg("view");
+  bind_reference(m);
+  m.attr("SLACK_STEPS") = instrument::kSlackSteps;
+  m.attr("SLACK_PIXELS") = instrument::kSlackPixels;
+  m.def("world_slack", &instrument::world_slack, py::arg("distance"),
+        "Four float steps at this distance to the eye, source units.");
+  py::class_<PyInstrument, std::shared_ptr<PyInstrument>>(
+      m, "Instrument",
+      "Measures drawn cuts of one source against it. `reference`: a session of `full` on the same source; "
+      "None when no picture is to be compared. InvalidInput when a store was built from another source.")
+      .def(py::init<std::shared_ptr<HeightField>, std::shared_ptr<PySession>>(), py::arg("field"),
+           py::arg("reference") = py::none())
+      .def(
+          "reference",
+          [](PyInstrument& self, const View& at) {
+            const py::gil_scoped_release release;
+            return std::const_pointer_cast<Reference>(self.reference(at));
+          },
+          view, "The source drawn at full resolution; None above 32 M samples.")
+      .def(
+          "measure",
+          [](PyInstrument& self, PySession& s, const PyCut& c, const View& at,
+             const std::shared_ptr<Reference>& reference, bool pictures) {
+            Accuracy accuracy;
+            {
+              const py::gil_scoped_release release;
+              accuracy = self.measure(s, c, at, reference.get(), pictures);
+            }
+            return columns(accuracy);
+          },
+          session, cut, view, py::arg("reference") = py::none(), py::arg("pictures") = true,
+          "Dict of accuracy columns. Without a reference the columns that compare with it are nan; without "
+          "pictures capture_mismatch_pixels is too. InvalidInput for a reference of another view and for a "
+          "drawn vertex that is not finite.")
+      .def(
+          "jump",
+          [](PyInstrument& self, PySession& s, const PyCut& before, const PyCut& after, const View& at) {
+            instrument::Jump jump;
+            {
+              const py::gil_scoped_release release;
+              jump = self.jump(s, before, after, at);
+            }
+            return py::make_tuple(jump.px, jump.world);
+          },
+          session, py::arg("before"), py::arg("after"), view,
+          "(pixels, source units): the largest distance between the two cuts' captured surfaces at the "
+          "samples inside the frustum that both cover; nan where there are none.")
+      .def(
+          "node_errors",
+          [](PyInstrument& self, PySession& s, const PyCut& c, const View& at) {
+            std::vector<instrument::NodeError> errors;
+            {
+              const py::gil_scoped_release release;
+              errors = self.node_errors(s, c, at);
+            }
+            return node_arrays(errors);
+          },
+          session, cut, view,
+          "(nodes, errors): per node of the cut the largest deviation of its triangles from the samples "
+          "they cover; (N,) uint32 and (N,) float64, source units.")
+      .def(
+          "slack", [](const PyInstrument& self, const View& at) { return self.core().slack(at.eye); }, view,
+          "world_slack at the farthest sample, source units: what laws on measured_max allow.");
+}
+
+}  // namespace lodlab
