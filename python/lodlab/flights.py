@@ -15,7 +15,7 @@ import numpy as np
 from .ground import Ground, Vec
 
 EYE_HEIGHT = 1.7  # metres
-NEAR_SHARE = 0.1  # of the clearance
+NEAR_SHARE = 0.1  # of the clearance, or of the distance to the target where that is less
 NEAR_MINIMUM = 0.1  # metres
 _KNOTS = 1024
 
@@ -35,7 +35,8 @@ PoseAt = Callable[[float], Pose]
 
 
 def _pose(ground: Ground, eye: Vec, target: Vec) -> Pose:
-    near = max(NEAR_MINIMUM, NEAR_SHARE * ground.clearance(eye))
+    open_space = min(ground.clearance(eye), float(np.linalg.norm(target - eye)))
+    near = max(NEAR_MINIMUM, NEAR_SHARE * open_space)
     return Pose(eye, target, ground.up(eye), near=near)
 
 
@@ -154,30 +155,32 @@ def walk(ground: Ground) -> PoseAt:
 
 
 def zoom(ground: Ground) -> PoseAt:
-    """From the whole source to one spot, by the same factor in equal times."""
+    """From the whole source (at 60 degrees and 16:9) to one spot, by the same factor in equal times."""
     spot = ground.highest_relief()
-    far = 2.6 * ground.radius if ground.planet and ground.core.wraps else 1.15 * ground.extent
+    whole = ground.planet and ground.core.wraps
+    far = 3.7 * (ground.radius + ground.high) if whole else 1.75 * ground.extent
     close = min(max(4.0 * ground.spacing, 3.0 * EYE_HEIGHT), 0.5 * far)
     rate = math.log(far / close)
     east, north = ground.offset(spot, ground.centre)
-    if ground.planet and ground.core.wraps:
-        east = north = 0.0  # the whole planet is seen from anywhere
     elevation = math.radians(50.0)
     surface = ground.height_below(ground.place(spot, 0.0, 0.0, 0.0))
+    on_spot = ground.place(spot, 0.0, 0.0, surface)
 
     def at(t: float) -> Pose:
         distance = far * math.exp(-rate * t)
         share = (distance - close) / (far - close)
-        target = ground.place(spot, east * share, north * share, surface)
-        up = ground.up(target)
-        south = _south(ground, target, up)
-        eye = target + distance * (math.sin(elevation) * up + math.cos(elevation) * south)
-        return _pose(ground, _lifted(ground, eye, 0.25 * distance), target)
+        if whole:  # from the planet's centre up to the spot
+            target, up = on_spot * (1.0 - share), ground.up(on_spot)
+        else:
+            target = ground.place(spot, east * share, north * share, surface)
+            up = ground.up(target)
+        eye = target + distance * (math.sin(elevation) * up + math.cos(elevation) * _south(ground, up))
+        return _pose(ground, _lifted(ground, eye, 0.25 * min(distance, ground.extent)), target)
 
     return at
 
 
-def _south(ground: Ground, point: Vec, up: Vec) -> Vec:
+def _south(ground: Ground, up: Vec) -> Vec:
     if not ground.planet:
         return np.array([0.0, -1.0, 0.0])
     south = up * float(up[2]) - np.array([0.0, 0.0, 1.0])
