@@ -21,10 +21,10 @@ struct FieldFrame {
   double dx = 1.0, dy = 1.0;  ///< sample spacing, metres (flat)
   double x0 = 0.0, y0 = 0.0;  ///< centre of the first sample, metres (flat)
   bool planet = false;
-  double radius = 6371000.0;                              ///< metres (planet)
-  double lon0 = 0.0, lat0 = 90.0, dlon = 0.0, dlat = 0.0; ///< degrees (planet)
-  bool wraps = false;                                     ///< the planet's columns close round 360 degrees
-  double z_min = 0.0, z_max = 0.0;                        ///< over all samples, filled ones included
+  double radius = 6371000.0;                               ///< metres (planet)
+  double lon0 = 0.0, lat0 = 90.0, dlon = 0.0, dlat = 0.0;  ///< degrees (planet)
+  bool wraps = false;                                      ///< the planet's columns close round 360 degrees
+  double z_min = 0.0, z_max = 0.0;                         ///< over all samples, filled ones included
   double height_step = 0.0;  ///< all valid heights are whole multiples of it; 0: unknown
 
   /// Degrees of a planet's sample; columns past the end of a planet that wraps come round again.
@@ -37,10 +37,10 @@ struct FieldFrame {
 };
 
 struct HeightField : FieldFrame {
-  const float* heights = nullptr;    ///< rows x cols, row-major, finite everywhere
-  const uint8_t* valid = nullptr;    ///< rows x cols, 1 = real sample; null: all real
-  std::shared_ptr<const void> owner; ///< keeps the arrays alive
-  std::string spec;                  ///< how to load it again (SOURCE of the command line), or empty
+  const float* heights = nullptr;     ///< rows x cols, row-major, finite everywhere
+  const uint8_t* valid = nullptr;     ///< rows x cols, 1 = real sample; null: all real
+  std::shared_ptr<const void> owner;  ///< keeps the arrays alive
+  std::string spec;                   ///< how to load it again (SOURCE of the command line), or empty
 
   float at(int64_t row, int64_t col) const { return heights[row * cols + col]; }
   bool is_valid(int64_t row, int64_t col) const { return valid == nullptr || valid[row * cols + col] != 0; }
