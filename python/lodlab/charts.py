@@ -31,7 +31,7 @@ INK = {
     "light": {"page": "#fbfaf8", "text": "#22252a", "faint": "#686d75", "rule": "#dcdad5", "full": "#22252a"},
     "dark": {"page": "#16181c", "text": "#e8e6e1", "faint": "#a2a6ad", "rule": "#34383f", "full": "#e8e6e1"},
 }
-RESOLVED = 0.01  # pixels: the instrument's slack; errors below it are marked as zero
+RESOLVED = 0.01  # pixels: the slack of the laws; errors below it stand on the line of zero
 BASELINE = "full"
 
 
@@ -252,8 +252,7 @@ class _ErrorScale:
         self.has_top = bool(np.isinf(errors).any())
         self.top = large * 3.0
         self.low = self.floor / 1.6
-        self.high = self.top * 1.4 if self.has_top else large * 1.9
-        self.zero_label = "0" if not ((errors > 0) & (errors < RESOLVED)).any() else f"<{RESOLVED:g}"
+        self.high = self.top * 1.4 if self.has_top else large * 2.4
 
     def place(self, errors: np.ndarray) -> np.ndarray:
         out = np.where(errors < RESOLVED, self.floor, errors)
@@ -287,7 +286,7 @@ def _curve(
         ax.annotate(budget_label(row), (px, py), xytext=(7, 3), textcoords="offset points", fontsize=8,
                     color=ink["faint"], zorder=4)  # fmt: skip
     end = int(np.argmax(y))
-    ax.annotate(item.label, (x[end], y[end]), xytext=(0, 9), textcoords="offset points", ha="center",
+    ax.annotate(item.label, (x[end], y[end]), xytext=(0, 15), textcoords="offset points", ha="center",
                 color=colour, fontweight="bold", zorder=4)  # fmt: skip
 
 
@@ -306,7 +305,7 @@ def _ticks(ax: Any, scale: _ErrorScale) -> None:
     errors = [m * 10**e for e in range(-4, 6) for m in (1, 2, 5) if scale.floor * 1.5 < m * 10**e < top]
     if len(errors) > 8:
         errors = [m for m in errors if f"{m:e}".startswith("1")]
-    names = {scale.floor: scale.zero_label} | ({scale.top: "∞"} if scale.has_top else {})
+    names = {scale.floor: "0"} | ({scale.top: "∞"} if scale.has_top else {})
     ax.yaxis.set_major_locator(FixedLocator(sorted([*errors, *names])))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: next((n for k, n in names.items() if math.isclose(k, v)),
                                                                  short(v))))  # fmt: skip

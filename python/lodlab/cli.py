@@ -282,7 +282,7 @@ def source_info(text: str) -> dict[str, Any]:
         **{k: v for k, v in frame.items() if k not in hidden},
         "samples": field.shape[0] * field.shape[1],
         "void_samples": int(field.valid.size - field.valid.sum()),
-        "source_hash": field.hash,
+        "source_hash": field.hash(),
     }
 
 

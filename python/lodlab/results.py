@@ -19,9 +19,12 @@ import json
 import math
 import os
 import platform
+import shutil
 import subprocess
+import tempfile
 import tomllib
 import warnings
+import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
@@ -246,10 +249,10 @@ def version() -> str:
 
 def commit() -> str:
     """The commit of the tree that this package lies in, with `+` when it was changed; else `unknown`."""
-    here = Path(__file__).resolve().parent
-    git = ["git", "-C", str(here)]
+    here = Path(__file__).resolve()
+    git = ["git", "-C", str(here.parent)]
     try:
-        if subprocess.run([*git, "ls-files", "--error-unmatch", __file__], capture_output=True, timeout=10).returncode:
+        if subprocess.run([*git, "ls-files", "--error-unmatch", str(here)], capture_output=True, timeout=10).returncode:
             return "unknown"
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10).stdout.strip()
         changed = subprocess.run([*git, "status", "--porcelain", "-uno"], capture_output=True, text=True, timeout=10)
@@ -433,3 +436,10 @@ def write_atomic(file: Path, data: str | bytes) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def temporary_folder(owner: Any) -> Path:
+    """A folder that is removed when its owner is gone, or at the end of the program."""
+    folder = tempfile.mkdtemp(prefix="lodlab-")
+    weakref.finalize(owner, shutil.rmtree, folder, True)
+    return Path(folder)

@@ -12,7 +12,6 @@ import html
 import math
 import os
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -130,9 +129,8 @@ class Yardstick:
         self.source = source
         self._folder = folder
         self._progress = progress
-        self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._instrument: Any = None
-        self._references: dict[tuple[Any, ...], Any] = {}
+        self._references: dict[Any, Any] = {}
         self._bytes = 0
 
     @property
@@ -146,8 +144,7 @@ class Yardstick:
             session = None
             if self.pictures:
                 if self._folder is None:
-                    self._temporary = tempfile.TemporaryDirectory(prefix="lodlab-")
-                    self._folder = Path(self._temporary.name)
+                    self._folder = results.temporary_folder(self)
                 store = store_for(self.source, "full", {}, self._folder, progress=self._progress)
                 session = store.core.session(still(store.method, {}))
             self._instrument = _core.Instrument(self.source.core, session)
@@ -157,15 +154,14 @@ class Yardstick:
         """The reference picture of a view, or None above 32 M samples."""
         if not self.pictures:
             return None
-        key = (tuple(view.eye), tuple(view.target), tuple(view.up), view.fov, tuple(view.size), view.near)
-        if key not in self._references:
+        if view not in self._references:
             made = self.instrument().reference(view)
             self._bytes += made.image.nbytes + made.depth.nbytes
             while self._references and self._bytes > REFERENCE_BYTES:
                 old = self._references.pop(next(iter(self._references)))
                 self._bytes -= old.image.nbytes + old.depth.nbytes
-            self._references[key] = made
-        return self._references[key]
+            self._references[view] = made
+        return self._references[view]
 
     def measure(self, session: Any, cut: Any, view: Any) -> dict[str, Any]:
         """The accuracy columns of one drawn cut."""
@@ -191,12 +187,12 @@ def store_for(
     Reused when it is there with the same source and options; an interrupted build is taken up.
     """
     resolved = _core.resolve_options(method, "build", dict(options))
-    digest = results.short_hash({"source": source.hash, "options": resolved})
+    digest = results.short_hash({"source": source.hash(), "options": resolved})
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{method}-{digest}.lod"
     if file.exists():
         store = open(file)
-        if store.method == method and store.source_hash == source.hash and store.options == resolved:
+        if store.method == method and store.source_hash == source.hash() and store.options == resolved:
             store.attach(source)
             return store
         raise StoreError(f"stores: {file} is not the store that its name says; remove it")
@@ -217,11 +213,12 @@ class Recording:
 
 def accuracy_indices(frames: int, count: int) -> list[int]:
     """`count` evenly spaced frames, first and last among them; the middle one for 1."""
+    count = min(count, frames)
     if count <= 0:
         return []
     if count == 1:
         return [(frames - 1) // 2]
-    return sorted({round(i * (frames - 1) / (count - 1)) for i in range(min(count, frames))})
+    return sorted({round(i * (frames - 1) / (count - 1)) for i in range(count)})
 
 
 def speed_pass(session: Any, views: Sequence[Any], budget: Any, *, repeat: int, streams: bool, tick: Any) -> Recording:
@@ -529,6 +526,7 @@ def fly(
             flown = perform(store, track, flight, yardstick=yardstick, tick=bar.update)
             rows, summary = finish(flown)
         else:
+            from .report import write as write_report
             from .sweeps import flight_config
 
             with results.RunDirectory(out, flight_config(store, flight, device)) as directory:
@@ -542,6 +540,7 @@ def fly(
                     sources={flight.source: store.source_hash},
                     options_hash=results.short_hash({"options": rows[0]["options"]}),
                 )
+                write_report(directory.path)
     run = Run(results.table(rows, results.FRAME_COLUMNS), summary, Path(out) if out is not None else None, flown)
     check_capture(run.frames)
     return run

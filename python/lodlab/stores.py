@@ -21,6 +21,7 @@ from .errors import InvalidInput, StoreError
 from .heightfield import HeightField
 from .sources import as_source, load
 
+_PASS = "pass it (--source SOURCE, in Python source=), or measure nothing (--accuracy-frames 0)"
 SHOWS = ("shade", "normal", "level", "wire")
 
 
@@ -240,20 +241,17 @@ class Store:
         """
         if self._source is None:
             if not self.source_spec:
-                raise StoreError(
-                    f"source of {self.path}: it was built from an array in memory; "
-                    "pass the source (Python: lodlab.open(path, source=...))"
-                )
+                raise StoreError(f"source of {self.path}: it was built from an array in memory; {_PASS}")
             try:
                 field = load(self.source_spec)
             except (ValueError, OSError) as error:
-                raise StoreError(f"source of {self.path}: {self.source_spec!r} does not load: {error}") from error
+                raise StoreError(f"source of {self.path}: {error}; {_PASS}") from error
             self.attach(field)
         return self._source
 
     def attach(self, source: HeightField) -> None:
         """Gives the store its source. StoreError when the hash is not that of the source it was built from."""
-        found = source.hash
+        found = source.hash()
         if found != self.source_hash:
             raise StoreError(
                 f"source of {self.path}: its hash is {found}, but the store was built from {self.source_hash}"

@@ -32,7 +32,6 @@ import itertools
 import multiprocessing
 import os
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -378,6 +377,10 @@ def _side_by_side(
         raise
 
 
+class _Owner:
+    """A Sweep keeps it, and it keeps the folder of results that nobody asked to be written."""
+
+
 class Sweep:
     """The results of a comparison or sweep.
 
@@ -459,8 +462,8 @@ def sweep(
     if frozen["device"]:
         _core.choose_device(frozen["device"])
     tasks = plan(frozen)
-    temporary = None if out is not None else tempfile.TemporaryDirectory(prefix="lodlab-")
-    with results.RunDirectory(out if temporary is None else temporary.name, frozen) as directory:
+    owner = _Owner()
+    with results.RunDirectory(results.temporary_folder(owner) if out is None else out, frozen) as directory:
         workshop = Workshop(directory.path, given, paths or {}, progress)
         _check_tasks(tasks, workshop)
         _make_all(tasks, directory, workshop, jobs, frozen, progress)
@@ -469,7 +472,7 @@ def sweep(
             from .report import write
 
             write(directory.path)
-        result._keep = temporary
+        result._keep = owner
     check_capture(result.frames)
     return result
 
@@ -558,7 +561,7 @@ def compare(
     Other parameters as `lodlab.fly` and `lodlab.sweep`.
     """
     field = as_source(source)
-    name = field.spec or f"array:{field.hash[:8]}"
+    name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
     chosen = {k: list(v) for k, v in budgets.items() if v is not None and len(v)}
     chosen = chosen or {"pixel_errors": list(DEFAULT_PIXEL_ERRORS)}

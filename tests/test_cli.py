@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: MIT
+"""The command line: what it prints, its exit status, and one clear line for each mistake."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+import lodlab as lod
+from lodlab import cli, pictures
+
+SOURCE = "fractal:size=65,seed=3"
+COMMANDS = (
+    "doctor", "devices", "methods", "datasets", "build", "info", "fly", "compare", "sweep", "report", "render",
+    "export", "bench",
+)  # fmt: skip
+SMALL = ["--frames", "4", "--size", "96x64", "--accuracy-frames", "2"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("cli")
+
+
+@pytest.fixture(scope="module")
+def store(folder):
+    assert cli.run(["build", SOURCE, "chunked", str(folder / "a.lod"), "-o", "finest_error=0.5"]) == 0
+    return str(folder / "a.lod")
+
+
+@pytest.fixture
+def say(capsys):
+    """Runs a command: (status, standard output, standard error)."""
+
+    def run(*words):
+        status = cli.run([str(w) for w in words])
+        out = capsys.readouterr()
+        return status, out.out, out.err
+
+    return run
+
+
+def fails(result, status, *texts):
+    """One line on standard error that holds the texts."""
+    assert result[0] == status, result
+    lines = result[2].strip().splitlines()
+    assert len(lines) == 1 and lines[0].startswith("error: "), result[2]
+    for text in texts:
+        assert text in lines[0]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_help_shows_an_example(say, command):
+    status, out, _ = say(command, "--help")
+    assert status == 0
+    assert f"Example: lodlab {command}" in out
+
+
+def test_help_lists_every_command(say):
+    status, out, _ = say("--help")
+    assert status == 0
+    for command in COMMANDS:
+        assert f"\n  {command} " in out
+
+
+def test_doctor_draws_a_triangle(say):
+    status, out, _ = say("doctor")
+    assert status == 0, out
+    assert "a triangle: drawn and read back" in out and "NO " not in out
+    for library in ("numpy", "trimesh", "sqlite", "tbb", "OpenGL"):
+        assert f"\nok  {library}: " in out
+
+
+def test_doctor_names_what_is_missing_and_its_cure(say, monkeypatch, tmp_path):
+    monkeypatch.setattr("lodlab.doctor.PACKAGES", ("numpy", "no-such-package"))
+    status, out, err = say("doctor")
+    assert status == 1
+    assert "NO  no-such-package: missing" in out and "cure: pip install no-such-package" in out
+    assert err == "error: doctor: missing: no-such-package\n"
+
+
+def test_lists_in_words_and_json(say):
+    for command, keys in (
+        ("devices", {"index", "name", "software"}),
+        ("methods", {"name", "summary", "accepts", "budgets", "reproduces_source", "options"}),
+        ("datasets", {"name", "rows", "cols", "spacing", "description"}),
+    ):
+        status, out, _ = say(command, "--json")
+        assert status == 0
+        records = json.loads(out)
+        assert records and keys <= set(records[0])
+        status, out, _ = say(command)
+        assert status == 0 and records[0]["name"] in out
+    methods = json.loads(say("methods", "--json")[1])
+    assert [m["name"] for m in methods][:2] == ["full", "chunked"]
+    for option in methods[1]["options"]:
+        assert {"name", "type", "default", "unit", "help", "stage"} <= set(option)
+
+
+def test_build_ends_with_sizes_and_bounds(say, folder):
+    status, out, _ = say("build", SOURCE, "chunked", folder / "b.lod")
+    assert status == 0
+    assert "error bound" in out and "bytes per sample" in out and "MB in" in out
+
+
+def test_build_refuses_what_stands_in_the_way(say, store, folder):
+    fails(say("build", SOURCE, "chunked", store), 2, "there already", "--force")
+    assert say("build", SOURCE, "chunked", store, "--force", "-o", "finest_error=0.5")[0] == 0
+    fails(say("build", SOURCE, "chunked", folder / "c.lod", "--force", "--resume"), 2, "exclude")
+    assert not (folder / "c.lod").exists()
+
+
+def test_info_of_a_store(say, store):
+    status, out, _ = say("info", store, "--json", "--verify")
+    found = json.loads(out)
+    assert status == 0
+    keys = "format_version complete method options source_hash content_hash quantum bytes bytes_per_sample".split()
+    assert set(keys) | {"bytes_per_vertex", "levels", "verified"} <= set(found)
+    assert set(found["levels"][0]) == {"level", "nodes", "triangles", "error_max"}
+    assert found["method"] == "chunked" and found["options"]["finest_error"] == 0.5
+    assert "verified" in say("info", store, "--verify")[1]
+
+
+def test_info_of_a_source(say):
+    status, out, _ = say("info", SOURCE, "--json")
+    found = json.loads(out)
+    assert status == 0 and found["rows"] == 65 and found["void_samples"] == 0 and len(found["source_hash"]) == 32
+    fails(say("info", SOURCE, "--verify"), 2, "--verify is for stores")
+
+
+def test_info_of_a_damaged_store(say, store, folder):
+    whole = open(store, "rb").read()
+    damaged = folder / "damaged.lod"
+    damaged.write_bytes(whole[: len(whole) // 2])
+    fails(say("info", damaged), 1, "damaged.lod")
+    damaged.write_bytes(b"no store at all" * 100)
+    fails(say("info", damaged), 1, "damaged.lod")
+
+
+def test_fly_leaves_a_run_directory(say, store, folder):
+    out = folder / "run"
+    status, text, _ = say("fly", store, "--out", out, "--pixel-error", "1", *SMALL)
+    assert status == 0
+    assert "chunked-px1" in text and f"report: {out / 'report.html'}" in text
+    for name in ("config.toml", "provenance.json", "frames.csv", "summary.csv", "report.html", "pareto.png",
+                 "pareto.svg"):  # fmt: skip
+        assert (out / name).stat().st_size > 0
+    assert list((out / "images" / "chunked-px1").glob("*-difference-x*.png"))
+
+
+def test_compare_ends_with_the_report(say, folder):
+    out = folder / "compare"
+    status, text, _ = say(
+        "compare", SOURCE, "--out", out, "--pixel-errors", "1,4", "-o", "chunked.finest_error=0.5", *SMALL
+    )
+    assert status == 0
+    assert text.strip().splitlines()[-1] == f"report: {out / 'report.html'}"
+    frames = lod.Sweep.load(out).frames
+    assert set(frames["run"]) == {"full", "chunked-px1", "chunked-px4"}
+    assert frames[frames["method"] == "chunked"]["options"].str.contains('"finest_error":0.5').all()
+    again = folder / "again"
+    assert say("sweep", out / "config.toml", "--out", again)[0] == 0
+    assert lod.Sweep.load(again).runs == lod.Sweep.load(out).runs
+    (out / "report.html").unlink()
+    status, text, _ = say("report", out)
+    assert status == 0 and (out / "report.html").exists()
+
+
+def test_render_shows_what_was_asked(say, store, folder):
+    seen = {}
+    for show in ("shade", "level", "wire", "normal"):
+        out = folder / f"{show}.png"
+        assert say("render", store, out, "--show", show, "--size", "96x64", "--at", "0.25")[0] == 0
+        seen[show] = pictures.load(out)
+        assert seen[show].shape == (64, 96, 4)
+    assert all(np.any(seen["shade"] != seen[other]) for other in ("level", "wire", "normal"))
+    fails(say("render", store, folder / "e.png", "--show", "error"), 2, "error")
+    fails(say("render", store, folder / "e.png", "--show", "depth"), 2, "shade, normal, level, wire")
+    fails(say("render", store, folder / "e.gif"), 2, ".gif", ".png")
+    fails(say("render", store, folder / "none" / "e.png"), 2, "no directory")
+
+
+@pytest.mark.parametrize("kind", [".ply", ".glb", ".obj"])
+def test_export_writes_the_surface_in_source_coordinates(say, folder, kind):
+    store = folder / "full.lod"
+    if not store.exists():
+        assert say("build", SOURCE, "full", store)[0] == 0
+    out = folder / f"mesh{kind}"
+    assert say("export", store, out, "--size", "96x64")[0] == 0
+    mesh = trimesh.load(out, process=False)
+    mesh = mesh.to_geometry() if isinstance(mesh, trimesh.Scene) else mesh
+    field = lod.datasets.load(SOURCE)
+    rows, cols = field.shape
+    grid = field.core.position(*np.divmod(np.arange(rows * cols), cols))
+    assert len(mesh.faces) == 2 * (rows - 1) * (cols - 1)
+    assert len(mesh.vertices) == rows * cols
+    # float steps at the distance to the eye, which is a few times the size of the field
+    assert np.abs(mesh.bounds - [grid.min(axis=0), grid.max(axis=0)]).max() < 0.01
+
+
+def test_export_refuses_other_kinds(say, store, folder):
+    fails(say("export", store, folder / "mesh.stl"), 2, ".stl", ".ply, .glb, .obj")
+
+
+@pytest.mark.parametrize(
+    ("words", "texts"),
+    [
+        ([], ()),
+        (["nope"], ("nope",)),
+        (["fly"], ("STORE",)),
+        (["build", SOURCE, "chunky", "{out}"], ("chunky", "full, chunked")),
+        (["build", SOURCE, "chunked", "{out}", "-o", "no_such=1"], ("no_such", "finest_error")),
+        (["build", SOURCE, "chunked", "{out}", "-o", "finest_error"], ("NAME=VALUE",)),
+        (["build", SOURCE, "chunked", "{out}", "-o", "finest_error=-1"], ("finest_error", "-1")),
+        (["build", SOURCE, "chunked", "{out}", "-o", "finest_error=1", "-o", "finest_error=2"], ("twice",)),
+        (["build", "nowhere.tif", "chunked", "{out}"], ("nowhere.tif", "jacksboro")),
+        (["build", "fractal:sise=65", "chunked", "{out}"], ("sise", "size")),
+        (["fly", "{store}", "--out", "{out}"], ("none set", "pixel_error, triangles, nodes")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "0"], ("pixel_error",)),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "nan"], ("pixel_error",)),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "x"], ("pixel-error",)),
+        (["fly", "{store}", "--out", "{out}", "--triangles", "-5"], ("triangles", "-5")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--size", "96"], ("96", "1280x720")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--size", "0x720"], ("size", "16384")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--size", "100000x9"], ("size", "16384")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--fov", "180"], ("fov", "170")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--frames", "0"], ("frames", "0")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "--path", "loop"], ("loop", "flyover")),
+        (["fly", "{store}", "--out", "{out}", "--pixel-error", "1", "-o", "finest_error=1"], ("finest_error",)),
+        (["fly", "no.lod", "--out", "{out}", "--pixel-error", "1"], ("no.lod",)),
+        (["compare", SOURCE, "--out", "{out}", "--pixel-errors", "1,x"], ("pixel-errors", "1,x")),
+        (["compare", SOURCE, "--out", "{out}", "--methods", "chunky"], ("chunky", "full, chunked")),
+        (["compare", SOURCE, "--out", "{out}", "-o", "finest_error=1"], ("METHOD.NAME=VALUE",)),
+        (["compare", SOURCE, "--out", "{out}", "-o", "nope.finest_error=1"], ("nope", "chunked")),
+        (["compare", SOURCE, "--out", "{store}"], ("is a file",)),
+        (["sweep", "no.toml", "--out", "{out}"], ("no.toml",)),
+        (["report", "{out}"], ("no directory",)),
+        (["info", "nowhere.tif"], ("nowhere.tif",)),
+        (["info", "gone.lod"], ("gone.lod",)),
+        (["render", "{store}", "a.png", "--at", "2"], ("at: 2",)),
+        (["bench", "no_such"], ("no_such", "draw")),
+    ],
+)
+def test_mistakes_are_one_clear_line_and_status_2(say, store, tmp_path, words, texts):
+    words = [w.format(out=tmp_path / "out", store=store) for w in words]
+    if words:
+        fails(say(*words), 2, *texts)
+    else:
+        assert say()[0] in (0, 2)
+    assert not (tmp_path / "out" / "frames.csv").exists()
+    assert not list(tmp_path.glob("out*.lod*")) and not (tmp_path / "out").is_file()
+
+
+def test_unwritable_directory_is_a_mistake(say, store, tmp_path):
+    if os.geteuid() == 0:
+        target = "/proc/no-such-run"  # not even root writes there
+    else:
+        (tmp_path / "locked").mkdir(mode=0o500)
+        target = str(tmp_path / "locked" / "run")
+    fails(say("fly", store, "--out", target, "--pixel-error", "1", *SMALL), 2, target.rpartition("/")[2])
+
+
+def test_unexpected_errors_are_one_line_and_status_1(say, monkeypatch):
+    def broken():
+        raise KeyError("lost")
+
+    monkeypatch.setattr(lod, "devices", broken)
+    fails(say("devices"), 1, "KeyError", "LODLAB_DEBUG=1")
+    monkeypatch.setenv("LODLAB_DEBUG", "1")
+    status, _, err = say("devices")
+    assert status == 1 and "Traceback" in err
+
+
+def test_ctrl_c_during_a_build_leaves_nothing_under_the_final_name(tmp_path):
+    target = tmp_path / "big.lod"
+    command = [sys.executable, "-m", "lodlab", "build", "fractal:size=4097", "chunked", str(target)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    while not any(tmp_path.iterdir()) and time.monotonic() < end and process.poll() is None:
+        time.sleep(0.02)
+    assert process.poll() is None, "the build was over before it could be stopped"
+    process.send_signal(2)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "stopped" in err and "Traceback" not in err
+    assert not target.exists()
+
+
+def test_bench_lists_and_checks(say, monkeypatch):
+    from lodlab import bench
+
+    status, out, _ = say("bench", "--list")
+    assert status == 0 and all(f"{name}: " in out for name in bench.names())
+    monkeypatch.setattr(bench, "run", lambda names, say: [])
+    monkeypatch.setattr(bench, "check", lambda records: ["draw chunked/x: ratio_low 0.5 is below 0.95"])
+    fails(say("bench", "draw", "--check"), 1, "below 0.95")
+    status, out, _ = say("bench", "draw", "--json")
+    assert status == 0 and json.loads(out) == []

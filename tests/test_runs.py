@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: MIT
+"""Runs: two passes, their table, and what is refused. No test here asserts a speed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import lodlab as lod
+from lodlab import _core, results, runs
+from lodlab.errors import InvalidInput, StoreError, Unsupported
+
+SOURCE = "fractal:size=65,seed=3"
+SIZE = (160, 90)
+CHUNKS = {"leaf": 16, "chunk_triangles": 128}  # small enough that a small field has several
+SMALL = {"size": SIZE, "accuracy_frames": 3, "progress": False}
+
+
+@pytest.fixture(scope="module")
+def field():
+    return lod.datasets.load(SOURCE)
+
+
+@pytest.fixture(scope="module")
+def store(field, tmp_path_factory):
+    return lod.build(field, "chunked", tmp_path_factory.mktemp("runs") / "a.lod", progress=False, **CHUNKS)
+
+
+@pytest.fixture(scope="module")
+def full(field, tmp_path_factory):
+    return lod.build(field, "full", tmp_path_factory.mktemp("runs") / "full.lod", progress=False)
+
+
+@pytest.fixture(scope="module")
+def path(field):
+    return lod.CameraPath.flyover(field, frames=7)
+
+
+@pytest.fixture(scope="module")
+def run(store, path):
+    return lod.fly(store, path, lod.Budget(pixel_error=1.0), stream=False, **SMALL)
+
+
+def test_frames_have_exactly_the_columns_and_a_row_a_frame(run):
+    assert tuple(run.frames.columns) == results.FRAME_COLUMNS
+    assert run.frames["frame"].tolist() == list(range(7))
+    assert run.name == "chunked-px1"
+    assert set(run.frames["source"]) == {SOURCE}
+    assert set(run.frames["path"]) == {"flyover"}
+    assert set(run.frames["device"]) == {_core.gl_info()["renderer"]}
+
+
+def test_accuracy_frames_are_evenly_spaced_and_the_others_undefined(run):
+    measured = run.frames[run.frames["accuracy"]]
+    assert measured["frame"].tolist() == [0, 3, 6]
+    others = run.frames[~run.frames["accuracy"]]
+    unknown = [c for c in results.ACCURACY_COLUMNS if c != "predicted_px"]
+    assert others[unknown].isna().all(axis=None)
+    assert measured[["measured_px_max", "measured_max", "psnr_db", "crack_edges"]].notna().all(axis=None)
+    assert run.frames["predicted_px"].notna().all(), "the method's claim is known in every frame"
+
+
+def test_the_instrument_returns_every_accuracy_column(store, field, full, path):
+    instrument = _core.Instrument(field.core, full.core.session({}))
+    session = store.core.session({"stream": False})
+    view = path.view(3, size=SIZE)
+    cut = session.select(view, _core.Budget(pixel_error=1.0))
+    row = instrument.measure(session, cut, view, instrument.reference(view), True)
+    assert set(row) == set(results.ACCURACY_COLUMNS)
+
+
+def test_laws_hold_in_every_measured_frame(run):
+    measured = run.frames[run.frames["accuracy"]]
+    assert measured["promises_bound"].all()
+    assert (measured["measured_px_max"] <= measured["predicted_px"] + 0.011).all()
+    assert (measured["hole_samples"] == 0).all()
+    assert (measured["capture_mismatch_pixels"] == 0).all()
+
+
+def test_full_measures_nothing_and_has_no_budget(full, path):
+    run = lod.fly(full, path, **SMALL)
+    assert run.name == "full"
+    assert run.frames[["budget_pixel_error", "budget_triangles", "budget_nodes"]].isna().all(axis=None)
+    assert run.frames["budget_met"].all()
+    measured = run.frames[run.frames["accuracy"]]
+    assert (measured["measured_px_max"] <= 0.011).all()
+    assert (measured["crack_edges"] == 0).all() and (measured["crack_pixels"] == 0).all()
+    assert np.isinf(measured["psnr_db"]).all()
+
+
+def test_counts_repeat_and_repeat_passes_change_times_only(store, path, run):
+    again = lod.fly(store, path, lod.Budget(pixel_error=1.0), repeat=3, stream=False, **SMALL)
+    stable = [c for c in results.FRAME_COLUMNS if c not in results.TIME_COLUMNS]
+    assert again.frames[stable].equals(run.frames[stable])
+
+
+def test_every_budget_of_a_frame_is_kept(store, path):
+    for budget in ({"triangles": 900}, {"nodes": 9}, {"pixel_error": 1.0, "triangles": 900}):
+        run = lod.fly(store, path, budget, stream=False, **SMALL)
+        met = run.frames[run.frames["budget_met"]]
+        if "triangles" in budget:
+            assert (met["triangles"] <= budget["triangles"]).all()
+        if "nodes" in budget:
+            assert (met["nodes"] <= budget["nodes"]).all()
+        assert run.name == "chunked-" + runs.budget_text(budget)
+
+
+def test_streaming_runs_measure_what_was_drawn(store, path):
+    run = lod.fly(store, path, lod.Budget(pixel_error=0.5), stream=True, **SMALL)
+    assert run.frames["stream"].all()
+    measured = run.frames[run.frames["accuracy"]]
+    assert (measured["capture_mismatch_pixels"] == 0).all()
+    assert (measured["measured_px_max"] <= measured["predicted_px"] + 0.011).all()
+
+
+def test_a_frame_shows_itself(run):
+    frame = run.image(3)
+    assert frame.image.shape == (SIZE[1], SIZE[0], 4) and frame.image.dtype == np.uint8
+    assert frame.depth.shape == (SIZE[1], SIZE[0])
+    assert frame._repr_png_().startswith(b"\x89PNG")
+    assert np.any(frame.image != run.image(3, show="level").image)
+    assert "chunked-px1" in run._repr_html_()
+    with pytest.raises(InvalidInput, match="frame 7 .* 0 to 6"):
+        run.image(7)
+
+
+def test_run_directory_holds_the_run(store, path, tmp_path):
+    out = tmp_path / "run"
+    run = lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)
+    back = runs.load(out)
+    assert back.frames.drop(columns=list(results.TIME_COLUMNS)).equals(
+        run.frames.drop(columns=list(results.TIME_COLUMNS))
+    )
+    pictures = sorted(p.name for p in (out / "images" / "chunked-px1").glob("??????.png"))
+    assert pictures == [f"{f:06d}.png" for f in range(7)]
+    worst = runs.worst_frame(run.frames.to_dict("records"))
+    assert np.array_equal(back.image(worst).image[..., :3], run.image(worst).image[..., :3])
+    assert back.image(worst, show="reference").image.shape == (SIZE[1], SIZE[0], 4)
+    record = json.loads((out / "provenance.json").read_text())
+    assert record["sources"] == {SOURCE: store.source_hash}
+    assert record["gl"]["renderer"] and record["start"] <= record["end"] and record["options_hash"]
+    config = results.read_config(out / "config.toml")
+    assert config["sources"] == [SOURCE] and config["methods"][0]["pixel_errors"] == [1.0]
+    assert config["methods"][0]["options"]["stream"] is False
+    assert (out / "report.html").stat().st_size > 10_000
+    assert not lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)._flown
+    with pytest.raises(InvalidInput, match="another configuration .*pixel_errors"):
+        lod.fly(store, path, lod.Budget(pixel_error=2.0), out=out, images="all", stream=False, **SMALL)
+
+
+def test_budgets_are_checked_before_anything_is_drawn(store, path, tmp_path):
+    with pytest.raises(InvalidInput, match="none set"):
+        lod.fly(store, path, **SMALL)
+    for wrong in (0.0, -1.0, math.nan):
+        with pytest.raises(InvalidInput, match="pixel_error"):
+            lod.fly(store, path, {"pixel_error": wrong}, **SMALL)
+    with pytest.raises(InvalidInput, match="no_such"):
+        lod.fly(store, path, {"pixel_error": 1.0}, no_such=1, **SMALL)
+    with pytest.raises(InvalidInput, match="images"):
+        lod.fly(store, path, {"pixel_error": 1.0}, images="some", out=tmp_path / "x", **SMALL)
+    with pytest.raises(InvalidInput, match="repeat is 0"):
+        lod.fly(store, path, {"pixel_error": 1.0}, repeat=0, **SMALL)
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_budget_that_the_method_lacks_is_unsupported(monkeypatch):
+    table = {**runs.method_table("chunked"), "budgets": ["pixel_error"]}
+    monkeypatch.setattr(runs, "method_table", lambda name: table)
+    with pytest.raises(Unsupported, match="no budget nodes; it takes pixel_error"):
+        runs.check_budget("chunked", {"nodes": 5})
+
+
+def test_a_store_without_its_source_says_how_to_pass_it(tmp_path, path, field):
+    array = np.asarray(field.heights)
+    lod.build(array, "chunked", tmp_path / "array.lod", progress=False)
+    opened = lod.open(tmp_path / "array.lod")
+    with pytest.raises(StoreError, match="--source"):
+        lod.fly(opened, path, {"pixel_error": 1.0}, **SMALL)
+    with pytest.raises(StoreError, match="hash"):
+        lod.open(tmp_path / "array.lod", source="fractal:size=65,seed=4")
+    run = lod.fly(opened, path, {"pixel_error": 1.0}, **{**SMALL, "accuracy_frames": 0})
+    assert not run.frames["accuracy"].any()
+    again = lod.fly(lod.open(tmp_path / "array.lod", source=array), path, {"pixel_error": 1.0}, **SMALL)
+    assert again.frames["accuracy"].sum() == 3
+
+
+def test_capture_mismatch_names_run_frame_and_pixels(run):
+    frames = run.frames.copy()
+    frames.loc[3, "capture_mismatch_pixels"] = 13
+    with pytest.raises(runs.CaptureMismatch, match=r"chunked-px1, frame 3: .* 13 pixels"):
+        runs.check_capture(frames)
+    runs.check_capture(run.frames)
+
+
+@pytest.mark.parametrize(
+    ("frames", "count", "expected"),
+    [(120, 0, []), (120, 1, [59]), (120, 2, [0, 119]), (5, 12, [0, 1, 2, 3, 4]), (1, 12, [0]), (3, 3, [0, 1, 2])],
+)
+def test_accuracy_indices(frames, count, expected):
+    assert runs.accuracy_indices(frames, count) == expected
+
+
+def test_accuracy_indices_are_distinct_and_reach_both_ends():
+    indices = runs.accuracy_indices(120, 12)
+    assert len(set(indices)) == 12 and indices[0] == 0 and indices[-1] == 119
+
+
+def test_run_names_are_safe_as_folders():
+    assert runs.run_name("a/b c", "", "chunked", "morph=false", "px0.5") == "a_b_c-chunked-morph=false-px0.5"
+    assert runs.run_name("..") == "run"
+
+
+def test_cells_are_written_as_the_interface_says():
+    values = [True, np.False_, None, math.nan, math.inf, -math.inf, np.int64(3), 0.1, np.float32(0.5), "a,b"]
+    assert [results.cell(v) for v in values] == [
+        "true", "false", "", "nan", "inf", "-inf", "3", "0.1", "0.5", "a,b",
+    ]  # fmt: skip
+
+
+def test_summary_takes_the_worst_and_the_percentiles(run):
+    rows = run.frames.to_dict("records")
+    summary = results.summarize(rows, store_bytes=10, build_seconds=0.5)
+    assert set(summary) == set(results.SUMMARY_COLUMNS)
+    times = run.frames["frame_ms"].to_numpy()
+    assert summary["frame_ms_median"] == np.median(times)
+    assert summary["frame_ms_p95"] == pytest.approx(np.percentile(times, 95))
+    measured = run.frames[run.frames["accuracy"]]
+    assert summary["measured_px_max_worst"] == measured["measured_px_max"].max()
+    assert summary["psnr_db_worst"] == measured["psnr_db"].min()
+    assert summary["accuracy_frames"] == 3
+    unmeasured = [{**row, "accuracy": False, "measured_px_max": math.nan} for row in rows]
+    assert math.isnan(results.summarize(unmeasured, store_bytes=0, build_seconds=0)["measured_px_max_worst"])
+
+
+def test_a_mesh_of_a_cut_is_the_surface_in_source_coordinates(store, full, field, path):
+    view = path.view(3, size=SIZE)
+    mesh = full.select(view, lod.Budget(pixel_error=1.0)).to_trimesh(view)
+    rows, cols = field.shape
+    assert len(mesh.faces) == 2 * (rows - 1) * (cols - 1)
+    assert len(mesh.vertices) == rows * cols, "equal vertices are one vertex"
+    grid = field.core.position(*np.divmod(np.arange(rows * cols), cols))
+    step = 4.0 * np.linalg.norm(mesh.vertices - view.eye, axis=1).max() * 2.0**-23
+    col = np.rint((mesh.vertices[:, 0] - grid[0, 0]) / field.spacing[0]).astype(int)
+    row = np.rint((grid[0, 1] - mesh.vertices[:, 1]) / field.spacing[1]).astype(int)
+    assert np.abs(mesh.vertices - grid[row * cols + col]).max() <= step
+    coarse = store.select(view, lod.Budget(pixel_error=4.0))
+    capture = store.capture(coarse, view)
+    assert len(coarse.to_trimesh(view).faces) <= int((capture.kind == 0).sum())
+    assert (capture.kind == 1).any(), "chunks have skirts, which the mesh leaves out"
