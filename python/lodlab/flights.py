@@ -18,6 +18,7 @@ EYE_HEIGHT = 1.7  # metres
 NEAR_SHARE = 0.1  # of the clearance, or of the distance to the target where that is less
 NEAR_MINIMUM = 0.1  # metres
 _KNOTS = 1024
+_PITCH = math.radians(25.0)
 
 
 @dataclass(frozen=True)
@@ -73,20 +74,33 @@ def flyover(ground: Ground) -> PoseAt:
         share = (math.exp(-rate * t) - math.exp(-rate)) / (1.0 - math.exp(-rate))
         return 3.0 * low + (length - 3.0 * low) * share
 
+    def bearing(t: float) -> float:
+        return azimuth + 0.9 * (t - 0.5) * (1.0 - 0.3 * t)
+
     def over(t: float, altitude: float) -> Vec:
-        turn = azimuth + 0.9 * (t - 0.5) * (1.0 - 0.3 * t)
+        turn = bearing(t)
         return ground.place(goal, left(t) * math.cos(turn), left(t) * math.sin(turn), altitude)
 
     ts = np.linspace(0.0, 1.0, _KNOTS + 1)
     reach = [low + left(t) - left(min(1.0, t + 1.0 / _KNOTS)) for t in ts]
-    tops = [ground.highest_near(over(t, 0.0), r) for t, r in zip(ts, reach, strict=True)]
+    tops = [float(ground.samples_near(over(t, 0.0), r).max()) for t, r in zip(ts, reach, strict=True)]
     base = _smooth_ceiling(np.array(tops), _KNOTS // 24)
-    ceiling = max(ground.height_below(ground.place(goal, 0.0, 0.0, 0.0)), float(base[-1]))
-    target = ground.place(goal, 0.0, 0.0, ceiling)
+    land = ground.samples_near(ground.place(goal, 0.0, 0.0, 0.0), 4.0 * low)
+    surface = 0.5 * (float(land.mean()) + ground.surface(*goal))
+
+    def target(t: float) -> Vec:
+        """The goal, at the height of the land about its peak.
+
+        Over a planet's horizon it is not seen: there a point on the way to it.
+        """
+        if not ground.planet:
+            return ground.place(goal, 0.0, 0.0, surface)
+        ahead, turn = 0.6 * (left(t) - left(1.0)), bearing(t)
+        return ground.place(goal, ahead * math.cos(turn), ahead * math.sin(turn), surface)
 
     def at(t: float) -> Pose:
         altitude = float(np.interp(t, ts, base)) + high * math.exp(-rate * t)
-        return _pose(ground, _lifted(ground, over(t, altitude), 0.5 * low), target)
+        return _pose(ground, _lifted(ground, over(t, altitude), 0.5 * low), target(t))
 
     return at
 
@@ -109,7 +123,7 @@ def orbit(ground: Ground) -> PoseAt:
 
     tilt = math.radians(30.0)
     away = ground.radius + ground.high + 0.3 * ground.radius
-    ahead = math.radians(25.0)
+    ahead = math.radians(16.0)
 
     def direction(a: float) -> Vec:
         return np.array([math.cos(a), math.sin(a) * math.cos(tilt), math.sin(a) * math.sin(tilt)])
@@ -144,12 +158,18 @@ def walk(ground: Ground) -> PoseAt:
         return point
 
     def at(t: float) -> Pose:
+        """Looks along the way, up and down with the ground 10 to 30 samples ahead, by 25 degrees at most."""
         eye = at_eye_height(t)
         up = ground.up(eye)
         forward = over(t + 1e-3) - over(t - 1e-3)
         forward -= up * float(forward @ up)
         forward /= np.linalg.norm(forward)
-        return _pose(ground, eye, eye + (forward - 0.06 * up) * (10.0 * ground.spacing))
+        slopes = []
+        for samples in (10.0, 20.0, 30.0):
+            ahead = at_eye_height(t + samples * ground.spacing / length) - eye
+            slopes.append(float(ahead @ up) / max(float(np.linalg.norm(ahead)), 1e-9))
+        pitch = min(max(math.asin(min(max(sum(slopes) / 3.0, -1.0), 1.0)) - 0.06, -_PITCH), _PITCH)
+        return _pose(ground, eye, eye + (math.cos(pitch) * forward + math.sin(pitch) * up) * (10.0 * ground.spacing))
 
     return at
 

@@ -79,8 +79,8 @@ class Ground:
         """Height of a point above the surface below it."""
         return self.altitude(point) - self.height_below(point)
 
-    def highest_near(self, point: Vec, reach: float) -> float:
-        """Highest sample within `reach` metres east, west, north and south of a point, at most 64 samples."""
+    def samples_near(self, point: Vec, reach: float) -> np.ndarray:
+        """The samples within `reach` metres east, west, north and south of a point, at most 64 samples away."""
         row, col = self.cell_of(point)
         dx = self.core.dx
         if self.planet:
@@ -90,7 +90,7 @@ class Ground:
         rows = slice(max(int(row) - n_row, 0), int(row) + n_row + 2)
         cols = np.arange(int(col) - n_col, int(col) + n_col + 2)
         cols = cols % self.cols if self.core.wraps else np.clip(cols, 0, self.cols - 1)
-        return float(self.heights[rows][:, cols].max())
+        return self.heights[rows][:, cols]
 
     def up(self, point: Vec) -> Vec:
         """Unit vector away from the ground."""
