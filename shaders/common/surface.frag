@@ -11,7 +11,7 @@
 #define SHOW_FILL 5
 #define SHOW_LINE 6
 
-#if LODLAB_SHOW != SHOW_CLASS && LODLAB_SHOW != SHOW_LINE
+#if LODLAB_SHOW != SHOW_LINE
 in vec3 v_position;
 #endif
 #if LODLAB_SHOW == SHOW_LEVEL || LODLAB_SHOW == SHOW_FILL
@@ -33,19 +33,39 @@ layout(binding = 0) uniform sampler2DArray attribute_map;
 #endif
 
 layout(location = 0) out vec4 color;
+#if LODLAB_SHOW == SHOW_CLASS
+layout(depth_less) out float gl_FragDepth;
+#endif
 
-#if LODLAB_SHOW != SHOW_CLASS && LODLAB_SHOW != SHOW_LINE
-/// Unit normal of the drawn triangle, on the side that faces the eye. Scaled by the distance first, so that
-/// no product of differences underflows.
+#if LODLAB_SHOW != SHOW_LINE
+/// Normal of the drawn triangle's plane, towards the eye. Both derivatives lie in the plane, so that its
+/// direction holds even where the rasterizer's grid of 1/256 pixel turned a tiny triangle round; the side is
+/// taken from the eye. Scaled by the distance first: no product of differences underflows.
 vec3 facing_normal() {
   const vec3 a = dFdx(v_position) * gl_FragCoord.w, b = dFdy(v_position) * gl_FragCoord.w;
-  return normalize(cross(a, b));
+  const vec3 across = cross(a, b) * (dot(cross(a, b), v_position) > 0.0 ? -1.0 : 1.0);
+  return across * inversesqrt(max(dot(across, across), 1e-36));
+}
+
+vec3 local_up() {
+#ifdef LODLAB_PLANET
+  return normalize(v_position + camera.eye_world.xyz);
+#else
+  return vec3(0.0, 0.0, 1.0);
+#endif
+}
+
+/// Whether the eye is on the outside of the triangle: above it. Vertical triangles (skirts) have no above:
+/// there the rasterizer's own answer must do.
+bool seen_from_outside(vec3 normal) {
+  const float above = dot(normal, local_up());
+  return abs(above) < 1e-3 ? gl_FrontFacing : above > 0.0;
 }
 
 /// Share of the sun's light: north-west, 45 degrees high, with a little ambient; 1 on level ground.
 float hillshade(vec3 normal) {
 #ifdef LODLAB_PLANET
-  const vec3 up = normalize(v_position + camera.eye_world.xyz);
+  const vec3 up = local_up();
   const vec3 east = normalize(vec3(-up.y, up.x, 0.0) + vec3(1e-12, 0.0, 0.0));
   const vec3 sun = 0.5 * (cross(up, east) - east) + 0.70710678 * up;
 #else
@@ -64,17 +84,17 @@ float height() {
 #endif
 
 vec3 shown() {
-#if LODLAB_SHOW == SHOW_CLASS
-  return vec3(gl_FrontFacing ? 1.0 : 128.0 / 255.0, 0.0, 0.0);
-#elif LODLAB_SHOW == SHOW_LINE
+#if LODLAB_SHOW == SHOW_LINE
   return kLineColor;
 #else
   const vec3 normal = facing_normal();
-#if LODLAB_SHOW == SHOW_NORMAL
+#if LODLAB_SHOW == SHOW_CLASS
+  return vec3(seen_from_outside(normal) ? 1.0 : 128.0 / 255.0, 0.0, 0.0);
+#elif LODLAB_SHOW == SHOW_NORMAL
   return 0.5 + 0.5 * normal;
 #else
   const float light = hillshade(normal);
-  if (!gl_FrontFacing) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
+  if (!seen_from_outside(normal)) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
 #if LODLAB_SHOW == SHOW_LEVEL
   return level_color(v_bits >> 1) * (0.45 + 0.55 * min(light, 1.15));
 #elif LODLAB_SHOW == SHOW_FILL
@@ -91,6 +111,12 @@ vec3 shown() {
 void main() {
 #ifdef LODLAB_COVERAGE
   if (!covered()) discard;
+#endif
+#if LODLAB_SHOW == SHOW_CLASS
+  // Along a silhouette the near and the far slope share an edge, and the rasterizer's grid of 1/256 pixel lets
+  // the far one win now and then, where nothing is cracked. So inside yields to outside within 1/32 pixel.
+  const float slack = fwidth(gl_FragCoord.z) / 32.0 + gl_FragCoord.z * 1e-6;
+  gl_FragDepth = seen_from_outside(facing_normal()) ? gl_FragCoord.z : gl_FragCoord.z - slack;
 #endif
   color = vec4(shown(), 1.0);
 }
