@@ -18,7 +18,8 @@ struct CameraBlock {
   float spacing[2];
   float eye_z[2];
   float eye_world[4];
-  float tint[4];
+  float tint[3];
+  float zero;
   int32_t cells[4];
   float padding[4];
   double planet[4];

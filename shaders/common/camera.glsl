@@ -7,7 +7,8 @@ layout(std140, binding = 0) uniform CameraBlock {
   vec2 spacing;             // dx, dy
   vec2 eye_z;               // the eye's height as the sum of two floats
   vec4 eye_world;           // the eye, and the planet's radius: for shading, never for positions
-  vec4 tint;                // z_min, z_max, whether the sea has colours of its own, 0
+  vec3 tint;                // z_min, z_max, whether the sea has colours of its own
+  float zero;               // 0, unknown to the compiler
   ivec4 cells;              // columns and rows of cells
   dvec4 planet;             // the eye and the radius, for positions on planets
 } camera;

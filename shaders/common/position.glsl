@@ -17,9 +17,10 @@ vec2 surface_grid(ivec2 col_row) { return vec2(col_row - camera.eye_cell); }
 vec3 surface_position(ivec2 col_row, float height) {
 #ifdef LODLAB_PLANET
   const dvec2 lon = lon_cos_sin[col_row.x], lat = lat_cos_sin[col_row.y];
-  precise dvec3 direction = dvec3(lat.x * lon.x + 0.0LF, lat.x * lon.y + 0.0LF, lat.y);
+  precise dvec3 direction = dvec3(lat.x * lon.x, lat.x * lon.y, lat.y);
   precise dvec3 relative = (camera.planet.w + double(height)) * direction - camera.planet.xyz;
-  return vec3(relative);
+  precise vec3 position = vec3(relative) + camera.zero;  // a pole has no -0 beside 0; a literal 0 is folded away
+  return position;
 #else
   precise vec2 across = (surface_grid(col_row) - camera.eye_frac) * camera.spacing;
   precise float up = (height - camera.eye_z.x) - camera.eye_z.y;

@@ -102,7 +102,7 @@ vec3 shown() {
 #elif defined(LODLAB_ATTRIBUTE)
   return texture(attribute_map, v_attribute).rgb * min(light, 1.2);
 #else
-  return height_tint(height(), camera.tint.xyz) * min(light, 1.2);
+  return height_tint(height(), camera.tint) * min(light, 1.2);
 #endif
 #endif
 #endif
