@@ -63,8 +63,7 @@ int64_t scan(const std::vector<NodeInfo>& nodes, const View& view, double tau) {
   const Camera c = make_camera(view);
   int64_t drawn = 0;
   for (const NodeInfo& node : nodes) {
-    const double rho =
-        project_strict(node.error, c.K, distance(node.box, c.eye), c.near_plane, c.s, 1.0);
+    const double rho = project_strict(node.error, c.K, distance(node.box, c.eye), c.near_plane, c.s, 1.0);
     drawn += rho <= tau && c.sees(node.box);
   }
   return drawn;
@@ -87,10 +86,11 @@ py::array_t<double> time_scan(const PyStore& store, const std::vector<View>& vie
 }  // namespace
 
 void bind_bench(py::module_& m) {
-  m.def("time_select", &time_select, py::arg("session"), py::arg("views"), py::arg("budget"),
-        py::arg("repeats"),
-        "Microseconds of each select, (repeats, views) float64, the session reset before every repeat; and the "
-        "nodes drawn in each view, (views,) int64.");
+  m.def(
+      "time_select", &time_select, py::arg("session"), py::arg("views"), py::arg("budget"),
+      py::arg("repeats"),
+      "Microseconds of each select, (repeats, views) float64, the session reset before every repeat; and the "
+      "nodes drawn in each view, (views,) int64.");
   m.def("time_scan", &time_scan, py::arg("store"), py::arg("views"), py::arg("pixel_error"),
         py::arg("repeats"),
         "Microseconds to test every node of a store against a view, (repeats, views) float64.");

@@ -166,7 +166,7 @@ struct CutRow {
   bool visible, missing;
 };
 
-py::array_t<CutRow> cut_nodes(const PyCut& self) {
+py::array cut_nodes(const PyCut& self) {  // untyped in the signature: stubs know no struct
   py::array_t<CutRow> out(static_cast<py::ssize_t>(self.cut.nodes.size()));
   CutRow* row = out.mutable_data();
   for (const CutNode& n : self.cut.nodes) *row++ = {n.node, n.resolution, n.morph, n.visible, n.missing};

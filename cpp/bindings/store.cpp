@@ -238,7 +238,7 @@ struct NodeRow {
   double box_min[3], box_max[3];
 };
 
-py::array_t<NodeRow> nodes(const PyStore& self) {
+py::array nodes(const PyStore& self) {  // untyped in the signature: stubs know no struct
   std::vector<NodeInfo> infos;
   {
     const py::gil_scoped_release release;
