@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,7 +137,7 @@ def test_info_of_a_source(say):
 
 
 def test_info_of_a_damaged_store(say, store, folder):
-    whole = open(store, "rb").read()
+    whole = Path(store).read_bytes()
     damaged = folder / "damaged.lod"
     damaged.write_bytes(whole[: len(whole) // 2])
     fails(say("info", damaged), 1, "damaged.lod")

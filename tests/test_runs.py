@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, results, runs
+from lodlab import _core, passes, results, runs
 from lodlab.errors import InvalidInput, StoreError, Unsupported
 
 SOURCE = "fractal:size=65,seed=3"
@@ -105,7 +105,7 @@ def test_every_budget_of_a_frame_is_kept(store, path):
             assert (met["triangles"] <= budget["triangles"]).all()
         if "nodes" in budget:
             assert (met["nodes"] <= budget["nodes"]).all()
-        assert run.name == "chunked-" + runs.budget_text(budget)
+        assert run.name == "chunked-" + passes.budget_text(budget)
 
 
 def test_streaming_runs_measure_what_was_drawn(store, path):
@@ -136,7 +136,7 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     )
     pictures = sorted(p.name for p in (out / "images" / "chunked-px1").glob("??????.png"))
     assert pictures == [f"{f:06d}.png" for f in range(7)]
-    worst = runs.worst_frame(run.frames.to_dict("records"))
+    worst = passes.worst_frame(run.frames.to_dict("records"))
     assert np.array_equal(back.image(worst).image[..., :3], run.image(worst).image[..., :3])
     assert back.image(worst, show="reference").image.shape == (SIZE[1], SIZE[0], 4)
     record = json.loads((out / "provenance.json").read_text())
@@ -167,10 +167,10 @@ def test_budgets_are_checked_before_anything_is_drawn(store, path, tmp_path):
 
 
 def test_a_budget_that_the_method_lacks_is_unsupported(monkeypatch):
-    table = {**runs.method_table("chunked"), "budgets": ["pixel_error"]}
-    monkeypatch.setattr(runs, "method_table", lambda name: table)
+    table = {**passes.method_table("chunked"), "budgets": ["pixel_error"]}
+    monkeypatch.setattr(passes, "method_table", lambda name: table)
     with pytest.raises(Unsupported, match="no budget nodes; it takes pixel_error"):
-        runs.check_budget("chunked", {"nodes": 5})
+        passes.check_budget("chunked", {"nodes": 5})
 
 
 def test_a_store_without_its_source_says_how_to_pass_it(tmp_path, path, field):
@@ -190,9 +190,9 @@ def test_a_store_without_its_source_says_how_to_pass_it(tmp_path, path, field):
 def test_capture_mismatch_names_run_frame_and_pixels(run):
     frames = run.frames.copy()
     frames.loc[3, "capture_mismatch_pixels"] = 13
-    with pytest.raises(runs.CaptureMismatch, match=r"chunked-px1, frame 3: .* 13 pixels"):
-        runs.check_capture(frames)
-    runs.check_capture(run.frames)
+    with pytest.raises(passes.CaptureMismatch, match=r"chunked-px1, frame 3: .* 13 pixels"):
+        passes.check_capture(frames)
+    passes.check_capture(run.frames)
 
 
 @pytest.mark.parametrize(
@@ -200,17 +200,17 @@ def test_capture_mismatch_names_run_frame_and_pixels(run):
     [(120, 0, []), (120, 1, [59]), (120, 2, [0, 119]), (5, 12, [0, 1, 2, 3, 4]), (1, 12, [0]), (3, 3, [0, 1, 2])],
 )
 def test_accuracy_indices(frames, count, expected):
-    assert runs.accuracy_indices(frames, count) == expected
+    assert passes.accuracy_indices(frames, count) == expected
 
 
 def test_accuracy_indices_are_distinct_and_reach_both_ends():
-    indices = runs.accuracy_indices(120, 12)
+    indices = passes.accuracy_indices(120, 12)
     assert len(set(indices)) == 12 and indices[0] == 0 and indices[-1] == 119
 
 
 def test_run_names_are_safe_as_folders():
-    assert runs.run_name("a/b c", "", "chunked", "morph=false", "px0.5") == "a_b_c-chunked-morph=false-px0.5"
-    assert runs.run_name("..") == "run"
+    assert passes.run_name("a/b c", "", "chunked", "morph=false", "px0.5") == "a_b_c-chunked-morph=false-px0.5"
+    assert passes.run_name("..") == "run"
 
 
 def test_cells_are_written_as_the_interface_says():

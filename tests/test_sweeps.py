@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import results, sweeps
+from lodlab import configs, results
 from lodlab.errors import InvalidInput, StoreError, Unsupported
 
 SOURCE = "fractal:size=65,seed=3"
@@ -120,7 +120,7 @@ def test_killed_sweeps_end_with_the_same_rows(swept, tmp_path):
     rng = random.Random(7)
     out = tmp_path / "killed"
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text(sweeps.freeze(CONFIG)))
+    config.write_text(results.toml_text(configs.freeze(CONFIG)))
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(out)]
     killed = 0
     for _ in range(5):
@@ -142,7 +142,7 @@ def test_killed_sweeps_end_with_the_same_rows(swept, tmp_path):
 
 def test_workers_end_with_a_killed_parent(tmp_path):
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text({**sweeps.freeze(CONFIG), "frames": 2000}))
+    config.write_text(results.toml_text({**configs.freeze(CONFIG), "frames": 2000}))
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(tmp_path / "out"), "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -187,7 +187,7 @@ def spawned_by(parent):
 
 def test_ctrl_c_keeps_what_was_finished(tmp_path):
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text({**sweeps.freeze(CONFIG), "frames": 400}))
+    config.write_text(results.toml_text({**configs.freeze(CONFIG), "frames": 400}))
     out = tmp_path / "out"
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -201,7 +201,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path):
 
 
 def test_two_writers_are_refused(swept):
-    with results.RunDirectory(swept.directory, sweeps.freeze(CONFIG)):
+    with results.RunDirectory(swept.directory, configs.freeze(CONFIG)):
         with pytest.raises(StoreError, match="another process"):
             lod.sweep(CONFIG, out=swept.directory, progress=False)
 
@@ -230,7 +230,7 @@ def test_methods_that_do_not_accept_a_source_are_refused_by_name(field_array):
 
 
 def test_option_grids_name_their_runs_by_what_varies():
-    config = sweeps.freeze(
+    config = configs.freeze(
         {
             **CONFIG,
             "paths": ["flyover", "orbit"],
@@ -238,7 +238,7 @@ def test_option_grids_name_their_runs_by_what_varies():
             "methods": [{"name": "chunked", "options": {"morph": ["true", "false"], "finest_error": 0.5}}],
         }
     )
-    names = [task.flight.name for task in sweeps.plan(config)]
+    names = [task.flight.name for task in configs.plan(config)]
     assert names == [
         "flyover-chunked-morph=true-px1",
         "flyover-chunked-morph=false-px1",
@@ -246,16 +246,16 @@ def test_option_grids_name_their_runs_by_what_varies():
         "orbit-chunked-morph=false-px1",
     ]
     assert config["methods"][0]["options"]["finest_error"] == 0.5
-    assert sweeps.freeze(config) == config, "freezing twice changes nothing"
+    assert configs.freeze(config) == config, "freezing twice changes nothing"
 
 
 def test_several_kinds_of_budget_are_combined():
-    config = sweeps.freeze({**CONFIG, "pixel_errors": [1.0, 2.0], "triangles": [500, 900]})
-    budgets = [task.flight.budget for task in sweeps.plan(config) if task.method == "chunked"]
+    config = configs.freeze({**CONFIG, "pixel_errors": [1.0, 2.0], "triangles": [500, 900]})
+    budgets = [task.flight.budget for task in configs.plan(config) if task.method == "chunked"]
     assert budgets == [
         {"pixel_error": p, "triangles": t} for p in (1.0, 2.0) for t in (500, 900)
     ]  # fmt: skip
-    assert sum(task.method == "full" for task in sweeps.plan(config)) == 1
+    assert sum(task.method == "full" for task in configs.plan(config)) == 1
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_several_kinds_of_budget_are_combined():
 )
 def test_mistakes_in_configurations_are_named(change, message):
     with pytest.raises(InvalidInput, match=message.replace("[", r"\[")):
-        sweeps.freeze({**CONFIG, **change})
+        configs.freeze({**CONFIG, **change})
 
 
 def test_mistakes_are_found_before_anything_is_built(tmp_path):

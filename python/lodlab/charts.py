@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InvalidInput
+from .results import SUMMARY_COLUMNS, table
 from .runs import Run
 from .sweeps import Sweep
 
@@ -105,7 +106,7 @@ def tables_of(result: Any) -> tuple[Any, Any]:
     import pandas as pd
 
     if isinstance(result, Run):
-        return result.frames, pd.DataFrame([result.summary])
+        return result.frames, table([result.summary], SUMMARY_COLUMNS)
     if isinstance(result, Sweep):
         return result.frames, result.summary
     if isinstance(result, (list, tuple)) and result:

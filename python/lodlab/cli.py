@@ -18,6 +18,31 @@ import typer
 import lodlab
 
 from . import _core, datasets, pictures, results
+from .arguments import (
+    AccuracyFrames,
+    At,
+    Device,
+    Fov,
+    Frames,
+    Images,
+    Jobs,
+    Json,
+    Nodes,
+    OptionTexts,
+    OutFolder,
+    PathText,
+    PixelError,
+    Repeat,
+    Size,
+    SourceOption,
+    SourceText,
+    StoreFile,
+    Triangles,
+    budget_from,
+    numbers_of,
+    options_from,
+    size_of,
+)
 from .errors import GLError, InvalidInput, StoreError, Unsupported
 
 app = typer.Typer(
@@ -29,82 +54,6 @@ app = typer.Typer(
     help="A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure.",
     epilog="Example: lodlab compare jacksboro --out runs/demo",
 )
-
-# ---- arguments that several commands share --------------------------------------------------------
-
-StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="A store, as lodlab build writes it.")]
-SourceText = Annotated[str, typer.Argument(metavar="SOURCE", help="NAME_OR_FILE[:key=value,...], see lodlab datasets.")]
-OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
-PathText = Annotated[
-    str, typer.Option("--path", metavar="NAME|FILE", help="flyover, orbit, walk, zoom, still, or a key-frame file.")
-]
-Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
-Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
-Fov = Annotated[
-    float | None,
-    typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view [default: the path's, or 60]."),
-]
-PixelError = Annotated[
-    float | None, typer.Option("--pixel-error", metavar="P", help="Target for the projected error, pixels.")
-]
-Triangles = Annotated[int | None, typer.Option("--triangles", metavar="T", help="Hard limit on triangles.")]
-Nodes = Annotated[int | None, typer.Option("--nodes", metavar="N", help="Hard limit on nodes.")]
-OptionTexts = Annotated[
-    list[str] | None, typer.Option("-o", metavar="NAME=VALUE", help="An option of the method; may be repeated.")
-]
-AccuracyFrames = Annotated[
-    int, typer.Option("--accuracy-frames", metavar="N", help="Frames to measure, evenly spaced; 0: none.")
-]
-Repeat = Annotated[int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")]
-Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Worker processes; more than 1 disturbs timings.")]
-Device = Annotated[
-    str | None,
-    typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),
-]
-Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]
-SourceOption = Annotated[
-    str | None, typer.Option("--source", metavar="SOURCE", help="The store's source, when it cannot be found again.")
-]
-
-
-def size_of(text: str) -> tuple[int, int]:
-    """(width, height) from `1280x720`."""
-    width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdecimal() and height.isdecimal()):
-        raise InvalidInput(f"size: {text!r} is not WIDTHxHEIGHT in pixels, as 1280x720")
-    return int(width), int(height)
-
-
-def options_from(texts: Sequence[str] | None) -> dict[str, str]:
-    """{name: text} from NAME=VALUE texts."""
-    out: dict[str, str] = {}
-    for text in texts or ():
-        name, equals, value = text.partition("=")
-        if not equals or not name:
-            raise InvalidInput(f"option: {text!r} is not NAME=VALUE")
-        if name in out:
-            raise InvalidInput(f"option: {name} is given twice")
-        out[name] = value
-    return out
-
-
-def numbers_of(name: str, text: str | None, kind: type) -> list[Any] | None:
-    """Numbers from a comma-separated list; None when it was not given."""
-    if text is None:
-        return None
-    try:
-        return [kind(part) for part in text.split(",")]
-    except ValueError:
-        what = "whole numbers" if kind is int else "numbers"
-        raise InvalidInput(f"{name}: {text!r} is not a list of {what} with commas between them") from None
-
-
-def budget_from(pixel_error: float | None, triangles: int | None, nodes: int | None) -> dict[str, Any]:
-    """The budgets that were given."""
-    given = {"pixel_error": pixel_error, "triangles": triangles, "nodes": nodes}
-    return {k: v for k, v in given.items() if v is not None}
 
 
 def open_store(path: Path, source: str | None = None) -> Any:
@@ -133,7 +82,10 @@ def print_json(value: Any) -> None:
 
 @app.command(epilog="Example: lodlab doctor")
 def doctor() -> None:
-    """What this machine has, and whether a triangle is really drawn; status 1 with the cure if something is missing."""
+    """What this machine has, and whether it draws.
+
+    A triangle is really drawn and read back. Status 1, with the cure, when something needed is missing.
+    """
     from .doctor import examine
 
     missing = []
@@ -210,7 +162,10 @@ def build_command(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Take up an interrupted build.")] = False,
 ) -> None:
-    """Builds a store; ends with sizes, seconds and error bounds per level."""
+    """Builds a store of a source.
+
+    Ends with sizes, seconds and error bounds per level.
+    """
     if force and resume:
         raise InvalidInput("build: --force and --resume exclude each other")
     if store.exists() and not (force or resume):
@@ -307,7 +262,10 @@ def fly_command(
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
-    """One run: a store along a path under a budget, timed and measured."""
+    """One run, timed and measured.
+
+    A store along a path under a budget; at least one budget is given where the method takes any.
+    """
     run = lodlab.fly(
         open_store(store, source),
         path,
@@ -370,7 +328,11 @@ def compare_command(
     jobs: Jobs = 1,
     device: Device = None,
 ) -> None:
-    """Every method that accepts the source, and full, over a grid of budgets; ends with the report."""
+    """Methods beside full, over a grid of budgets.
+
+    Every method that accepts the source; where several kinds of budgets are given, every combination. Goes on
+    where it was stopped, and ends with the report.
+    """
     options: dict[str, dict[str, str]] = {}
     for name, value in options_from(option).items():
         method, dot, key = name.partition(".")
@@ -404,7 +366,10 @@ def sweep_command(
     out: OutFolder,
     jobs: Jobs = 1,
 ) -> None:
-    """Runs over a grid of sources, paths, methods, options and budgets; goes on where it was stopped."""
+    """Runs over a grid that a file describes.
+
+    Sources, paths, methods, options and budgets. Goes on where it was stopped, and ends with the report.
+    """
     finish(lodlab.sweep(config, out=out, jobs=jobs), out)
 
 
@@ -418,7 +383,7 @@ def finish(result: Any, out: Path) -> None:
 def report(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run directory.")],
 ) -> None:
-    """(Re)writes report.html and the charts from the results."""
+    """(Re)writes a run's report and charts."""
     typer.echo(f"report: {lodlab.report.write(run)}")
 
 
@@ -429,7 +394,7 @@ def one_cut(
     store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
 ) -> tuple[Any, Any, Any]:
     """(session, cut, view) of one spot on a path; 1 px where no budget is given."""
-    from .runs import check_budget, make_path, still
+    from .passes import check_budget, make_path, still
 
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
@@ -455,7 +420,10 @@ def render(
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
-    """One picture of a store's cut (1 px where no budget is given)."""
+    """One picture of a store.
+
+    Of one view on a path; 1 px where no budget is given.
+    """
     if show == "error":
         raise Unsupported("render: --show error is not in this version; it shows shade, level, wire or normal")
     pictures.check_name(picture)
@@ -484,7 +452,10 @@ def export(
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
-    """The cut of one view as an indexed mesh in source coordinates, without fillers (1 px where no budget is given)."""
+    """The cut of one view as a mesh.
+
+    An indexed mesh in source coordinates; fillers (skirts) are left out. 1 px where no budget is given.
+    """
     from .meshes import check_name, save
 
     check_name(mesh)
@@ -513,7 +484,10 @@ def bench_command(
     list_: Annotated[bool, typer.Option("--list", help="Name the benchmarks.")] = False,
     check: Annotated[bool, typer.Option("--check", help="Status 1 when one falls short of its bar.")] = False,
 ) -> None:
-    """Benchmarks, each beside a reference measured in the same process."""
+    """Benchmarks, each beside a reference.
+
+    The reference is measured in the same process, interleaved.
+    """
     from . import bench
 
     if list_:
@@ -531,6 +505,7 @@ def bench_command(
 
 # ---- the program ----------------------------------------------------------------------------------
 
+STOPPED = 130
 _MISTAKES = (InvalidInput, Unsupported)
 _FILE_MISTAKES = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, FileExistsError)
 
@@ -538,7 +513,7 @@ _FILE_MISTAKES = (FileNotFoundError, PermissionError, IsADirectoryError, NotADir
 def status_of(error: BaseException) -> tuple[int, str]:
     """(exit status, the one line that says what is wrong)."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):
-        return 130, "stopped; what was finished is kept"
+        return STOPPED, "stopped; what was finished is kept"
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own, whatever click it uses
         return int(error.exit_code), error.format_message()
     if isinstance(error, _MISTAKES):
@@ -557,7 +532,10 @@ def status_of(error: BaseException) -> tuple[int, str]:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line and returns its exit status."""
     try:
-        return int(app(args=None if arguments is None else list(arguments), standalone_mode=False) or 0)
+        status = int(app(args=None if arguments is None else list(arguments), standalone_mode=False) or 0)
+        if status == STOPPED:  # typer turns Ctrl-C into this status, and says nothing
+            raise KeyboardInterrupt
+        return status
     except BrokenPipeError:  # `lodlab methods | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

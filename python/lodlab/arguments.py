@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""Arguments that several commands of the command line share, and how their texts are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .errors import InvalidInput
+
+StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="A store, as lodlab build writes it.")]
+SourceText = Annotated[str, typer.Argument(metavar="SOURCE", help="NAME_OR_FILE[:key=value,...], see lodlab datasets.")]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
+PathText = Annotated[
+    str, typer.Option("--path", metavar="NAME|FILE", help="flyover, orbit, walk, zoom, still, or a key-frame file.")
+]
+Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
+Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
+Fov = Annotated[
+    float | None,
+    typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view [default: the path's, or 60]."),
+]
+PixelError = Annotated[
+    float | None, typer.Option("--pixel-error", metavar="P", help="Target for the projected error, pixels.")
+]
+Triangles = Annotated[int | None, typer.Option("--triangles", metavar="T", help="Hard limit on triangles.")]
+Nodes = Annotated[int | None, typer.Option("--nodes", metavar="N", help="Hard limit on nodes.")]
+OptionTexts = Annotated[
+    list[str] | None, typer.Option("-o", metavar="NAME=VALUE", help="An option of the method; may be repeated.")
+]
+AccuracyFrames = Annotated[
+    int, typer.Option("--accuracy-frames", metavar="N", help="Frames to measure, evenly spaced; 0: none.")
+]
+Repeat = Annotated[int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")]
+Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Worker processes; more than 1 disturbs timings.")]
+Device = Annotated[
+    str | None,
+    typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),
+]
+Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]
+SourceOption = Annotated[
+    str | None, typer.Option("--source", metavar="SOURCE", help="The store's source, when it cannot be found again.")
+]
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """(width, height) from `1280x720`."""
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal()):
+        raise InvalidInput(f"size: {text!r} is not WIDTHxHEIGHT in pixels, as 1280x720")
+    return int(width), int(height)
+
+
+def options_from(texts: Sequence[str] | None) -> dict[str, str]:
+    """{name: text} from NAME=VALUE texts."""
+    out: dict[str, str] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise InvalidInput(f"option: {text!r} is not NAME=VALUE")
+        if name in out:
+            raise InvalidInput(f"option: {name} is given twice")
+        out[name] = value
+    return out
+
+
+def numbers_of(name: str, text: str | None, kind: type) -> list[Any] | None:
+    """Numbers from a comma-separated list; None when it was not given."""
+    if text is None:
+        return None
+    try:
+        return [kind(part) for part in text.split(",")]
+    except ValueError:
+        what = "whole numbers" if kind is int else "numbers"
+        raise InvalidInput(f"{name}: {text!r} is not a list of {what} with commas between them") from None
+
+
+def budget_from(pixel_error: float | None, triangles: int | None, nodes: int | None) -> dict[str, Any]:
+    """The budgets that were given."""
+    given = {"pixel_error": pixel_error, "triangles": triangles, "nodes": nodes}
+    return {k: v for k, v in given.items() if v is not None}

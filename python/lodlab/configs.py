@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: MIT
+"""Configurations: what a sweep is to fly, checked, frozen with every default, and laid out as a plan.
+
+A TOML file, or a dict of the same shape:
+
+    sources = ["jacksboro"]          # SOURCE texts
+    paths = ["flyover"]              # built-in names or key-frame files
+    frames = 120                     # per path
+    size = [1280, 720]               # pixels
+    fov = 60.0                       # horizontal, degrees; left out: key-frame files' own, or 60
+    accuracy_frames = 12             # measured frames, evenly spaced
+    repeat = 1                       # timing passes
+    images = "worst"                 # all | worst | none
+    device = ""                      # "": LODLAB_DEVICE or auto
+    pixel_errors = [0.5, 1, 2]       # budgets, for every method that has none of its own;
+    triangles = []                   # where several kinds are given, every combination
+    nodes = []
+
+    [[methods]]
+    name = "chunked"
+    pixel_errors = [1]               # optional: this method's own budgets
+    options = { morph = ["true", "formula4"], finest_error = 0.0 }   # a list is a grid
+
+Methods that ignore budgets (`full`) make one run per path. Every default is written out in `config.toml`.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import _core, results
+from .errors import InvalidInput
+from .passes import Flight, budget_text, check_budget, run_name
+from .paths import DEFAULT_FOV
+from .stores import Store, method_table, options_of
+
+BUDGET_LISTS = {"pixel_errors": "pixel_error", "triangles": "triangles", "nodes": "nodes"}
+DEFAULTS: dict[str, Any] = {
+    "sources": [],
+    "paths": ["flyover"],
+    "frames": 120,
+    "size": [1280, 720],
+    "fov": None,
+    "accuracy_frames": 12,
+    "repeat": 1,
+    "images": "worst",
+    "device": "",
+    "pixel_errors": [],
+    "triangles": [],
+    "nodes": [],
+    "methods": [],
+}
+DEFAULT_PIXEL_ERRORS = (0.5, 1.0, 2.0, 4.0, 8.0)
+_KINDS = {"frames": int, "fov": float, "accuracy_frames": int, "repeat": int, "images": str, "device": str}
+
+
+# ---- configuration --------------------------------------------------------------------------------
+
+
+def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration with every default written out and every value checked.
+
+    InvalidInput names an unknown key, method or option (listing the known ones) or a value out of range;
+    Unsupported a budget that a method does not have.
+    """
+    _known("configuration", config, DEFAULTS)
+    out: dict[str, Any] = {**DEFAULTS, **config}
+    for key, kind in _KINDS.items():
+        if out[key] is not None or key != "fov":
+            out[key] = _typed(key, out[key], kind)
+    for key in ("sources", "paths"):
+        out[key] = _texts(key, out[key])
+    if out["fov"] is None and not any(p.endswith((".toml", ".json")) for p in out["paths"]):
+        out["fov"] = DEFAULT_FOV
+    if not (isinstance(out["size"], (list, tuple)) and len(out["size"]) == 2):
+        raise InvalidInput(f"configuration: size is {out['size']!r}; it is [width, height] in pixels")
+    out["size"] = [_typed("size", v, int) for v in out["size"]]
+    Flight(
+        "", "", "", {}, {}, out["frames"], images=out["images"], accuracy_frames=out["accuracy_frames"],
+        repeat=out["repeat"],
+    ).check()  # fmt: skip
+    common = {key: _budgets(key, out.pop(key)) for key in BUDGET_LISTS}
+    if not isinstance(out["methods"], list) or not out["methods"]:
+        raise InvalidInput("configuration: no methods; give at least one [[methods]] with a name")
+    out["methods"] = [_freeze_method(m, common) for m in out["methods"]]
+    return out
+
+
+def _freeze_method(given: Mapping[str, Any] | str, common: Mapping[str, list[Any]]) -> dict[str, Any]:
+    given = {"name": given} if isinstance(given, str) else given
+    _known("[[methods]]", given, {"name": "", "options": {}, **BUDGET_LISTS})
+    if "name" not in given:
+        raise InvalidInput("configuration: a [[methods]] has no name")
+    table = method_table(given["name"])
+    own = {key: _budgets(key, given[key]) for key in BUDGET_LISTS if key in given}
+    budgets = own if any(own.values()) else dict(common)
+    if not table["budgets"]:
+        budgets = {}
+    method: dict[str, Any] = {"name": given["name"], **{k: v for k, v in budgets.items() if v}}
+    for budget in _budget_grid(method):
+        check_budget(method["name"], budget)
+    method["options"] = _freeze_options(given["name"], given.get("options", {}))
+    return method
+
+
+def _freeze_options(method: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All options of a method, defaults written out; lists stay lists. Sweeps load everything first."""
+    build, draw = options_of(method, "build"), options_of(method, "draw")
+    given = {"stream": False, **given} if "stream" in draw else dict(given)
+    for name in given:
+        if name not in build and name not in draw:
+            known = ", ".join(build + draw) or "none"
+            raise InvalidInput(f"options of {method}: no option {name!r}; it has {known}")
+    out: dict[str, Any] = {}
+    for stage, names in (("build", build), ("draw", draw)):
+        out.update(_core.resolve_options(method, stage, {}))
+        for name in (n for n in names if n in given):
+            values = given[name] if isinstance(given[name], (list, tuple)) else [given[name]]
+            if not values:
+                raise InvalidInput(f"options of {method}: {name} is an empty list")
+            checked = [_core.resolve_options(method, stage, {name: v})[name] for v in values]
+            out[name] = checked if len(checked) > 1 else checked[0]
+    return dict(sorted(out.items()))
+
+
+def _known(where: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    for key in given:
+        if key not in known:
+            raise InvalidInput(f"{where}: no key {key!r}; it has {', '.join(known)}")
+
+
+def _typed(key: str, value: Any, kind: type) -> Any:
+    fits = isinstance(value, (int, float) if kind is float else kind) and not isinstance(value, bool)
+    if not fits:
+        raise InvalidInput(f"configuration: {key} is {value!r}; it is {kind.__name__}")
+    return kind(value)
+
+
+def _texts(key: str, values: Any) -> list[str]:
+    values = [values] if isinstance(values, str) else list(values)
+    if not values or not all(isinstance(v, str) and v for v in values):
+        raise InvalidInput(f"configuration: {key} is {values!r}; it is a list of at least one text")
+    if len(set(values)) != len(values):
+        raise InvalidInput(f"configuration: {key} names one twice: {', '.join(values)}")
+    return values
+
+
+def _budgets(key: str, values: Any) -> list[Any]:
+    kind = float if key == "pixel_errors" else int
+    values = list(values) if isinstance(values, (list, tuple)) else [values]
+    out = [_typed(key, v, kind) for v in values]
+    for value in out:
+        if not value > 0:
+            raise InvalidInput(f"configuration: {key} holds {value}; a budget is above 0")
+    return out
+
+
+def _budget_grid(method: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Every combination of a method's budget lists."""
+    lists = [[(name, v) for v in method[key]] for key, name in BUDGET_LISTS.items() if method.get(key)]
+    for values in itertools.product(*lists):
+        yield dict(values)
+
+
+def flight_config(store: Store, flight: Flight, device: str | None) -> dict[str, Any]:
+    """The configuration of a single run, in the schema of sweeps."""
+    budget = flight.budget if method_table(store.method)["budgets"] else {}
+    lists = {key: [budget[name]] for key, name in BUDGET_LISTS.items() if name in budget}
+    return {
+        "sources": [flight.source],
+        "paths": [flight.path],
+        "frames": flight.frames,
+        "size": list(flight.size),
+        "fov": flight.fov,
+        "accuracy_frames": flight.accuracy_frames,
+        "repeat": flight.repeat,
+        "images": flight.images,
+        "device": device or "",
+        "methods": [
+            {
+                "name": store.method,
+                **lists,
+                "options": dict(sorted({**store.options, **flight.options}.items())),
+            }
+        ],
+    }
+
+
+# ---- the plan -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Task:
+    """A flight and the store that it needs."""
+
+    flight: Flight
+    method: str
+    build_options: dict[str, Any]
+
+
+def plan(config: Mapping[str, Any]) -> list[Task]:
+    """The runs of a frozen configuration, in order, with readable names that differ."""
+    grid = []
+    for source, path, method in itertools.product(config["sources"], config["paths"], config["methods"]):
+        options = method["options"]
+        names = list(options)
+        for values in itertools.product(*(v if isinstance(v, list) else [v] for v in options.values())):
+            chosen = dict(zip(names, values, strict=True))
+            for budget in _budget_grid(method):
+                grid.append((source, path, method["name"], chosen, budget))
+    seen: dict[tuple[str, str], set[str]] = {}
+    for _, _, name, chosen, _ in grid:
+        for option, value in chosen.items():
+            seen.setdefault((name, option), set()).add(results.options_text({"": value}))
+    tasks, names_used = [], set()
+    for source, path, method, chosen, budget in grid:
+        varied = [f"{k}={results.cell(v)}" for k, v in chosen.items() if len(seen[method, k]) > 1]
+        many = [v for v, several in ((source, config["sources"]), (Path(path).stem, config["paths"])) if several[1:]]
+        name = run_name(*many, method, *varied, budget_text(budget))
+        unique, n = name, 2
+        while unique in names_used:
+            unique, n = f"{name}_{n}", n + 1
+        names_used.add(unique)
+        draw = {k: chosen[k] for k in options_of(method, "draw")}
+        flight = Flight(
+            unique, source, path, budget, draw, config["frames"], tuple(config["size"]), config["fov"],
+            config["accuracy_frames"], config["repeat"], config["images"],
+        )  # fmt: skip
+        tasks.append(Task(flight, method, {k: chosen[k] for k in options_of(method, "build")}))
+    return tasks
