@@ -32,7 +32,6 @@ def store(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) ->
 def instrument(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) -> _core.Instrument:
     full = lod.build(terrain, "full", tmp_path_factory.mktemp("full") / "full.lod", progress=False)
     instrument = _core.Instrument(terrain.core, full.core.session({}))
-    instrument.keep = full
     return instrument
 
 
@@ -129,16 +128,19 @@ def test_skirts_hide_cracks_that_are_really_there(store, terrain, instrument) ->
         for view in flyover_views(terrain, count=8):
             cut = session.select(view, _core.Budget(pixel_error=8.0))
             seen[cracks] += instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"]
-            assert (cut.filler_triangles > 0) == (cracks == "skirt")
+            assert (cut.filler_triangles > 0) == (cracks == "skirt" and len(cut.nodes) > 1)
     assert seen["skirt"] == 0
     assert seen["none"] > 0
 
 
-def test_triangles_fall_with_the_budget(store, terrain) -> None:
-    session = store.core.session({"stream": False})
-    view = flyover_views(terrain)[0]
-    counts = [session.select(view, _core.Budget(pixel_error=p)).triangles for p in (0.5, 1, 2, 4, 8)]
-    assert counts == sorted(counts, reverse=True) and len(set(counts)) == 5
+@pytest.mark.parametrize("spec", ["earth", "fractal:size=1025"])
+def test_triangles_fall_with_the_budget(spec: str, tmp_path: Path) -> None:
+    field = lod.datasets.load(spec)
+    session = lod.build(field, "chunked", tmp_path / "s.lod", progress=False).core.session({"stream": False})
+    views = flyover_views(field, size=(1280, 720))
+    counts = [sum(session.select(v, _core.Budget(pixel_error=p)).triangles for v in views) for p in (0.5, 1, 2, 4, 8)]
+    assert counts == sorted(counts, reverse=True)
+    assert len(set(counts)) == 5
 
 
 def test_streaming_settles_on_the_cut_of_loaded_data(store, terrain) -> None:
@@ -163,7 +165,7 @@ def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(store, terrain, ins
     for view in flyover_views(terrain, count=4):
         cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0, triangles=40_000))
         assert row["triangles"] <= 40_000
-        assert row["frame_ms"] < 200 or row["page_misses"] == 0
+        assert row["frame_ms"] < 200  # one read takes as long: this frame did none
         assert instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"] == 0
 
 

@@ -58,6 +58,11 @@ Residency::Residency(std::shared_ptr<const ChunkedHierarchy> hierarchy, bool str
         if (kind == kTexture) return decode_texture(stored, tree->node[static_cast<size_t>(id)].texture_side);
         return decode_page(stored, tree->index_bytes);
       });
+  // Roots are locked; read now, so that the first frame does not wait for storage.
+  for (uint32_t i = 0; stream && i < hierarchy_->roots; ++i) {
+    cache_->load(kGeometry, i);
+    if (hierarchy_->node[i].texture_side > 0) cache_->load(kTexture, i);
+  }
 }
 
 bool Residency::children_resident(uint32_t node) const {

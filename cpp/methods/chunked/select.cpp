@@ -160,7 +160,10 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
     const double span = node.parent_error - node.error;
     double t = 1.0;
     if (node.parent >= 0 && morph_ == Morph::kBudget && span > 0.0) {
-      t = std::clamp((node.parent_error - projector.inverse(cut.tau, place)) / span, 0.0, 1.0);
+      // A hair inside the budget, and rounded towards the chunk's own surface: never over tau.
+      const double allowed = projector.inverse(cut.tau * (1.0 - 1e-12), place);
+      t = std::clamp((node.parent_error - allowed) / span, 0.0, 1.0);
+      if (t > 0.0 && static_cast<float>(t) < t) t = std::nextafter(static_cast<float>(t), 1.0f);
     } else if (node.parent >= 0 && morph_ == Morph::kFormula4 && cut.tau > 0.0) {
       t = std::clamp(2.0 * projector.project(node.error, place) / cut.tau - 1.0, 0.0, 1.0);
     }
@@ -173,7 +176,7 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
     ++cut.visible_nodes;
     cut.missing_nodes += picked.missing;
   }
-  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error * (1.0 + 1e-6)) &&
+  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
                    (!budget.triangles || cut.triangles <= *budget.triangles) &&
                    (!budget.nodes || cut.visible_nodes <= *budget.nodes);
 }
