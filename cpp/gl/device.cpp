@@ -18,10 +18,13 @@ bool lists(const char* extensions, const std::string& name) {
          (' ' + std::string(extensions) + ' ').find(' ' + name + ' ') != std::string::npos;
 }
 
-/// libepoxy ends the process when libEGL is missing: look before it does.
-void require_egl() {
-  static const bool found = dlopen("libEGL.so.1", RTLD_LAZY | RTLD_GLOBAL) != nullptr;
-  if (!found) throw GLError("EGL: libEGL.so.1 cannot be loaded; install libegl1 and a GL driver");
+bool loads(const char* library) { return dlopen(library, RTLD_LAZY | RTLD_GLOBAL) != nullptr; }
+
+/// libepoxy ends the process when it finds no library to load: look before it does.
+void require_libraries() {
+  static const bool egl = loads("libEGL.so.1"), gl = loads("libOpenGL.so.0") || loads("libGL.so.1");
+  if (!egl) throw GLError("EGL: libEGL.so.1 cannot be loaded; install libegl1 and a GL driver");
+  if (!gl) throw GLError("GL: neither libOpenGL.so.0 nor libGL.so.1 can be loaded; install libopengl0");
 }
 
 Device describe(EGLDeviceEXT handle, int index) {
@@ -63,7 +66,7 @@ std::string listing(const std::vector<Device>& all) {
 }  // namespace
 
 std::vector<Device> devices() {
-  require_egl();
+  require_libraries();
   const char* client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
   if (!lists(client, "EGL_EXT_device_base") && !lists(client, "EGL_EXT_device_enumeration")) {
     throw GLError("EGL: this driver cannot enumerate devices (EGL_EXT_device_enumeration is missing)");
