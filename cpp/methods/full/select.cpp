@@ -24,7 +24,7 @@ Cut FullSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_
       throw InvalidInput("cut: node " + std::to_string(node) + " does not exist; `full` has node 0 alone");
   }
   if (nodes.size() > 1)
-    throw InvalidInput("cut: node 0 is listed " + std::to_string(nodes.size()) + " times");
+    throw InvalidInput("cut: node 0 is listed " + std::to_string(nodes.size()) + " times; the nodes overlap");
   if (!resolutions.empty() && (resolutions.size() != 1 || resolutions[0] != 0)) {
     throw InvalidInput("cut: `full` has resolution 0 alone");
   }
