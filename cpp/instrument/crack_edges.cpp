@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Every edge becomes a 64-bit key: 62 bits of a hash that both directions share, and the direction. Keys are
-// scattered into partitions by their leading bits and sorted there. A pair of opposite keys is a matched
-// edge. Whatever is left (the source's boundary, cracks, by chance two edges with one hash) is looked at
-// again with its real vertices, so that no count rests on the hash.
+// scattered into partitions by their leading bits and counted there, in tables that fit the processor's
+// cache. Whatever is not there once in each direction (the source's boundary, cracks, by chance two edges
+// with one hash) is looked at again with its real vertices, so that no count rests on the hash.
 #include "instrument/crack_edges.h"
 
 #include <algorithm>
@@ -21,8 +21,8 @@ using Vertex = std::array<uint32_t, 3>;  ///< bits of x, y, z; -0 is 0
 
 constexpr uint64_t kNoEdge = 0;  // keys of dropped triangles
 constexpr uint64_t kDirection = 1, kIsEdge = 2;
-constexpr int64_t kKeysPerPartition = 16384;
-constexpr int kMostPartitionBits = 12;
+constexpr int64_t kKeysPerPartition = 8192;
+constexpr int kMostPartitionBits = 13;
 
 Vertex bits_of(const render::CapturedVertex& v) {
   return {std::bit_cast<uint32_t>(v.x + 0.0f), std::bit_cast<uint32_t>(v.y + 0.0f),
@@ -107,21 +107,50 @@ Partitions partition(const std::vector<uint64_t>& keys) {
   return out;
 }
 
+/// Counts of one partition's edges by direction, in a table with open addressing.
+class EdgeTable {
+ public:
+  void start(int64_t keys) {
+    mask_ = std::bit_ceil(static_cast<uint64_t>(2 * keys + 1)) - 1;
+    slots_.assign(mask_ + 1, Slot{});
+  }
+  void add(uint64_t key) {
+    const uint64_t edge = key | kDirection;
+    uint64_t i = (key >> 2) & mask_;
+    while (slots_[i].edge != kNoEdge && slots_[i].edge != edge) i = (i + 1) & mask_;
+    slots_[i].edge = edge;
+    ++((key & kDirection) != 0 ? slots_[i].forward : slots_[i].backward);
+  }
+  /// Sorted: the edges that are not there exactly once in each direction.
+  std::vector<uint64_t> unmatched() const {
+    std::vector<uint64_t> out;
+    for (const Slot& slot : slots_) {
+      if (slot.edge != kNoEdge && (slot.forward != 1 || slot.backward != 1)) out.push_back(slot.edge);
+    }
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+
+ private:
+  struct Slot {
+    uint64_t edge = kNoEdge;
+    uint32_t forward = 0, backward = 0;
+  };
+  uint64_t mask_ = 0;
+  std::vector<Slot> slots_;
+};
+
 /// Sorted: the keys, without direction, that are not one edge and its one opposite.
-std::vector<uint64_t> unmatched(Partitions& parts) {
+std::vector<uint64_t> unmatched(const Partitions& parts) {
   const int64_t count = static_cast<int64_t>(parts.starts.size()) - 1;
   std::vector<std::vector<uint64_t>> found(static_cast<size_t>(count));
-  parallel_for(count, 1, [&](int64_t begin, int64_t end) {
+  parallel_for(count, 8, [&](int64_t begin, int64_t end) {
+    EdgeTable table;
     for (int64_t part = begin; part < end; ++part) {
-      const auto first = parts.keys.begin() + parts.starts[part],
-                 last = parts.keys.begin() + parts.starts[part + 1];
-      std::sort(first, last);
-      for (auto i = first; i != last;) {
-        auto next = i + 1;
-        while (next != last && (*next | kDirection) == (*i | kDirection)) ++next;
-        if (next - i != 2 || *i == *(i + 1)) found[part].push_back(*i | kDirection);
-        i = next;
-      }
+      const int64_t first = parts.starts[part], last = parts.starts[part + 1];
+      table.start(last - first);
+      for (int64_t i = first; i < last; ++i) table.add(parts.keys[i]);
+      found[part] = table.unmatched();
     }
   });
   std::vector<uint64_t> out;
@@ -166,11 +195,7 @@ bool on_border(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) 
 
 int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured) {
   const std::vector<uint64_t> keys = all_keys(captured);
-  std::vector<uint64_t> wanted;
-  {
-    Partitions parts = partition(keys);
-    wanted = unmatched(parts);
-  }
+  const std::vector<uint64_t> wanted = unmatched(partition(keys));
   const std::vector<Edge> edges = edges_of(captured, keys, wanted);
   int64_t cracks = 0;
   for (size_t i = 0; i < edges.size();) {
