@@ -79,7 +79,7 @@ std::string content_hash(const std::map<std::string, ArrayHead>& arrays, const s
 
 std::string seconds_text(double seconds) {
   char buffer[64];
-  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, seconds, std::chars_format::fixed, 3).ptr};
+  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, seconds, std::chars_format::fixed, 6).ptr};
 }
 
 double seconds_of(const std::string& text) {

@@ -369,7 +369,7 @@ void StoreWriter::commit() {
         "DELETE FROM meta WHERE key IN ('replaces', 'build_reached', 'build_seconds')");
     for (const char* key : {"replaces", "build_reached", "build_seconds"}) impl_->meta.erase(key);
     impl_->write_meta("content_hash", content_hash(impl_->arrays, impl_->sorted_pages()));
-    impl_->write_meta("build_seconds", std::to_string(impl_->seconds()));
+    impl_->write_meta("build_seconds", seconds_text(impl_->seconds()));
     impl_->write_meta("complete", "true");
     impl_->write_meta("seal", seal(impl_->meta));
     impl_->connection->database.exec("COMMIT");
