@@ -20,7 +20,7 @@ enum class Show {
   kShade,   ///< hillshade with height tints, or the colour attribute where there is one
   kNormal,  ///< geometric normal as colour
   kLevel,   ///< a colour per hierarchy level
-  kClass,   ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside
+  kClass,   ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside; voids filled
   kNone,    ///< nothing: rasterizer off (benchmarks)
 };
 
