@@ -79,17 +79,35 @@ class PyInstrument {
   std::shared_ptr<const render::FieldResources> resources_;
 };
 
-/// Read-only memory of a reference, which it keeps alive.
-template <class T>
-py::array_t<T> view_of(const std::vector<T>& data, const std::vector<py::ssize_t>& shape,
-                       const py::object& owner) {
-  py::array_t<T> out(shape, data.data(), owner);
-  py::detail::array_proxy(out.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+void make_read_only(const py::array& array) {
+  py::detail::array_proxy(array.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+}
+
+/// The middle (height, width, 4) of a picture, read-only; keeps its owner alive.
+py::object picture_of(const py::object& owner, const render::Picture& picture, int width, int height) {
+  const py::ssize_t row = 4 * static_cast<py::ssize_t>(picture.width);
+  const py::ssize_t first = (picture.height - height) / 2 * row + (picture.width - width) / 2 * 4;
+  py::array_t<uint8_t> out(std::vector<py::ssize_t>{height, width, 4}, std::vector<py::ssize_t>{row, 4, 1},
+                           picture.rgba.data() + first, owner);
+  make_read_only(out);
   return out;
 }
 
-py::object picture_of(const py::object& self, const render::Picture& picture) {
-  return view_of(picture.rgba, {picture.height, picture.width, 4}, self);
+py::object image(const py::object& self) {
+  const render::Picture& shade = self.cast<const Reference&>().shade;
+  return picture_of(self, shade, shade.width, shade.height);
+}
+
+py::object classes(const py::object& self) {
+  const auto& reference = self.cast<const Reference&>();
+  return picture_of(self, reference.classes, reference.shade.width, reference.shade.height);
+}
+
+py::object depth(const py::object& self) {
+  const render::Picture& shade = self.cast<const Reference&>().shade;
+  py::array_t<float> out(std::vector<py::ssize_t>{shade.height, shade.width}, shade.depth.data(), self);
+  make_read_only(out);
+  return out;
 }
 
 py::dict columns(const Accuracy& a) {
@@ -124,20 +142,12 @@ py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
 void bind_reference(py::module_& m) {
   py::class_<Reference, std::shared_ptr<Reference>>(m, "Reference",
                                                     "The source at full resolution in one view.")
+      .def_property_readonly("image", &image, "(H, W, 4) uint8, row 0 on top, read-only.")
       .def_property_readonly(
-          "image",
-          [](const py::object& self) { return picture_of(self, self.cast<const Reference&>().shade); },
-          "(H, W, 4) uint8, row 0 on top, read-only.")
+          "classes", &classes,
+          "(H, W, 4) uint8; red 0: nothing, 255: the surface's outside, 128: its inside. Read-only.")
       .def_property_readonly(
-          "classes",
-          [](const py::object& self) { return picture_of(self, self.cast<const Reference&>().classes); },
-          "(H, W, 4) uint8; red 0: nothing, 255: the surface's outside, 128: its inside.")
-      .def_property_readonly(
-          "depth",
-          [](const py::object& self) {
-            const render::Picture& shade = self.cast<const Reference&>().shade;
-            return view_of(shade.depth, {shade.height, shade.width}, self);
-          },
+          "depth", &depth,
           "(H, W) float32, distance along the view axis in source units, inf where empty, read-only.")
       .def("__repr__", [](const Reference& r) {
         return "Reference(" + std::to_string(r.shade.width) + " x " + std::to_string(r.shade.height) +

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/errors.h"
 #include "base/parallel.h"
 #include "instrument/picture_difference.h"
 
@@ -12,6 +13,19 @@ namespace {
 
 constexpr double kLeastErosion = 1.0, kMostError = 4.0;
 constexpr uint8_t kOutside = 255;
+constexpr int kMostPixels = 16384;
+
+struct Margin {
+  int x, y;
+};
+
+/// By how much the reference is wider than the cut's picture on each side.
+Margin margin_of(const render::Picture& cut, const render::Picture& reference) {
+  const int x = reference.width - cut.width, y = reference.height - cut.height;
+  if (x >= 0 && y >= 0 && x % 2 == 0 && y % 2 == 0) return {x / 2, y / 2};
+  throw InvalidInput("crack_pixels: a reference of " + size_text(reference) +
+                     " pixels does not surround a picture of " + size_text(cut));
+}
 
 /// Distance along the row to the nearest pixel that is not set, at most `cap`.
 void row_distances(const uint8_t* mask, int width, int cap, int* out) {
@@ -53,24 +67,41 @@ std::vector<uint8_t> erode(const std::vector<uint8_t>& mask, int width, int heig
   return out;
 }
 
+Camera with_margin(const Camera& camera) {
+  Camera out = camera;
+  out.width += 2 * std::clamp((kMostPixels - camera.width) / 2, 0, kReferenceMargin);
+  out.height += 2 * std::clamp((kMostPixels - camera.height) / 2, 0, kReferenceMargin);
+  out.tan_h = camera.tan_h * out.width / camera.width;
+  out.tan_v = camera.tan_v * out.height / camera.height;
+  out.s = std::sqrt(1.0 + out.tan_h * out.tan_h + out.tan_v * out.tan_v);
+  out.planes = {glm::normalize(out.tan_h * out.forward + out.right),
+                glm::normalize(out.tan_h * out.forward - out.right),
+                glm::normalize(out.tan_v * out.forward + out.up),
+                glm::normalize(out.tan_v * out.forward - out.up), out.forward};
+  return out;
+}
+
 CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference,
                          double measured_px_max) {
-  check_same_size("crack_pixels", cut, reference);
-  const size_t pixels = reference.rgba.size() / 4;
-  std::vector<uint8_t> outside(pixels);
-  int64_t covered = 0;
-  for (size_t i = 0; i < pixels; ++i) {
-    outside[i] = reference.rgba[4 * i] == kOutside ? 1 : 0;
-    covered += reference.rgba[4 * i] != 0 ? 1 : 0;
-  }
+  check_colours("crack_pixels", cut);
+  check_colours("crack_pixels", reference);
+  const Margin margin = margin_of(cut, reference);
+  const auto class_at = [&](int x, int y) {
+    return reference.rgba[4 * (static_cast<size_t>(y + margin.y) * reference.width + x + margin.x)];
+  };
+  std::vector<uint8_t> outside(reference.rgba.size() / 4);
+  for (size_t i = 0; i < outside.size(); ++i) outside[i] = reference.rgba[4 * i] == kOutside ? 1 : 0;
   const std::vector<uint8_t> mask =
       erode(outside, reference.width, reference.height, erosion_radius(measured_px_max));
   CrackPixels out;
-  int64_t looked_at = 0;
-  for (size_t i = 0; i < pixels; ++i) {
-    if (mask[i] == 0) continue;
-    ++looked_at;
-    if (cut.rgba[4 * i] != kOutside) ++out.pixels;
+  int64_t covered = 0, looked_at = 0;
+  for (int y = 0; y < cut.height; ++y) {
+    for (int x = 0; x < cut.width; ++x) {
+      covered += class_at(x, y) != 0 ? 1 : 0;
+      if (mask[static_cast<size_t>(y + margin.y) * reference.width + x + margin.x] == 0) continue;
+      ++looked_at;
+      if (cut.rgba[4 * (static_cast<size_t>(y) * cut.width + x)] != kOutside) ++out.pixels;
+    }
   }
   if (covered > 0) out.mask_share = static_cast<double>(looked_at) / static_cast<double>(covered);
   return out;

@@ -62,7 +62,7 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
   auto out = std::make_shared<Reference>();
   out->camera = camera;
   out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
-  out->classes = render::draw_picture(camera, render::Show::kClass, draw_full, false);
+  out->classes = render::draw_picture(with_margin(camera), render::Show::kClass, draw_full, false);
   return out;
 }
 

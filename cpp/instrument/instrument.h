@@ -21,7 +21,7 @@ inline constexpr int64_t kMostPictureSamples = 32'000'000;
 struct Reference {
   Camera camera;
   render::Picture shade;    ///< with depth
-  render::Picture classes;  ///< Show::kClass
+  render::Picture classes;  ///< Show::kClass, wider by a margin: see crack_pixels.h
 };
 
 /// The accuracy columns of instrument.md. nan: undefined (nothing inside the frustum, nothing drawn in the

@@ -10,26 +10,29 @@
 namespace lodlab::instrument {
 namespace {
 
-std::string size_of(const render::Picture& p) {
-  return std::to_string(p.width) + " x " + std::to_string(p.height);
-}
-
 size_t pixels_of(const render::Picture& p) {
   return static_cast<size_t>(p.width) * static_cast<size_t>(p.height);
 }
 
 }  // namespace
 
+std::string size_text(const render::Picture& picture) {
+  return std::to_string(picture.width) + " x " + std::to_string(picture.height);
+}
+
+void check_colours(const std::string& operation, const render::Picture& picture) {
+  if (picture.rgba.size() == 4 * pixels_of(picture)) return;
+  throw InvalidInput(operation + ": " + std::to_string(picture.rgba.size()) +
+                     " colour bytes in a picture of " + size_text(picture) + " pixels");
+}
+
 void check_same_size(const std::string& operation, const render::Picture& a, const render::Picture& b) {
   if (a.width != b.width || a.height != b.height) {
-    throw InvalidInput(operation + ": pictures of " + size_of(a) + " and " + size_of(b) +
+    throw InvalidInput(operation + ": pictures of " + size_text(a) + " and " + size_text(b) +
                        " pixels do not compare");
   }
-  for (const render::Picture* p : {&a, &b}) {
-    if (p->rgba.size() == 4 * pixels_of(*p)) continue;
-    throw InvalidInput(operation + ": " + std::to_string(p->rgba.size()) + " colour bytes in a picture of " +
-                       size_of(*p) + " pixels");
-  }
+  check_colours(operation, a);
+  check_colours(operation, b);
 }
 
 double psnr_db(const render::Picture& a, const render::Picture& b) {
@@ -47,7 +50,7 @@ double psnr_db(const render::Picture& a, const render::Picture& b) {
 int64_t depth_mismatch_pixels(const render::Picture& a, const render::Picture& b) {
   check_same_size("capture_mismatch_pixels", a, b);
   if (a.depth.size() != pixels_of(a) || b.depth.size() != pixels_of(b)) {
-    throw InvalidInput("capture_mismatch_pixels: a picture of " + size_of(a) + " pixels has no depth");
+    throw InvalidInput("capture_mismatch_pixels: a picture of " + size_text(a) + " pixels has no depth");
   }
   int64_t count = 0;
   for (size_t i = 0; i < a.depth.size(); ++i) {

@@ -9,7 +9,13 @@
 
 namespace lodlab::instrument {
 
-/// Throws InvalidInput naming the operation and both sizes unless they agree and the colours are all there.
+/// "1280 x 720".
+std::string size_text(const render::Picture& picture);
+
+/// Throws InvalidInput naming the operation unless the picture has four bytes a pixel.
+void check_colours(const std::string& operation, const render::Picture& picture);
+
+/// The same for two pictures, which must be of one size.
 void check_same_size(const std::string& operation, const render::Picture& a, const render::Picture& b);
 
 /// Peak signal-to-noise ratio of the 8-bit colours (red, green, blue), over the whole picture; decibels,

@@ -498,6 +498,28 @@ TEST_CASE("crack pixels are clear colour or inside, within the eroded silhouette
   CHECK(crack_pixels(reference, reference, 0.0).pixels == 0);
   CHECK(std::isnan(crack_pixels(cut, picture(40, 30, 0), 0.0).mask_share));
   CHECK_THROWS_AS(crack_pixels(picture(39, 30, 0), reference, 0.0), InvalidInput);
+  CHECK_THROWS_AS(crack_pixels(picture(42, 30, 0), reference, 0.0), InvalidInput);
+}
+
+TEST_CASE("a silhouette just outside the picture erodes it") {
+  render::Picture cut = picture(20, 20, 255), reference = picture(32, 32, 255);
+  set(cut, 10, 19, 0);  // its row is 25 of the reference
+  CHECK(crack_pixels(cut, reference, 0.0).pixels == 1);
+  for (int x = 0; x < 32; ++x) set(reference, x, 27, 0);
+  CHECK(crack_pixels(cut, reference, 0.5).pixels == 1);
+  CHECK(crack_pixels(cut, reference, 1.0).pixels == 0);
+  CHECK(crack_pixels(cut, reference, 1.0).mask_share == doctest::Approx(0.95));
+}
+
+TEST_CASE("the margin widens the view and leaves its rays where they were") {
+  const Camera camera = from_above(), wide = with_margin(camera);
+  CHECK(wide.width == 1012);
+  CHECK(wide.height == 1012);
+  const glm::dvec3 point(1.0, 2.0, -10.0);
+  CHECK(glm::distance(wide.project(point) - camera.project(point), {6.0, 6.0}) < 1e-9);
+  View huge;
+  huge.width = huge.height = 16384;
+  CHECK(with_margin(make_camera(huge)).width == 16384);
 }
 
 TEST_CASE("pictures differ by what they differ by") {
