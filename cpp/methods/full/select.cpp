@@ -21,7 +21,7 @@ Cut FullSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_
   if (nodes.empty()) throw InvalidInput("cut: node 0 is missing; the cut does not cover the source");
   for (const int64_t node : nodes) {
     if (node != 0)
-      throw InvalidInput("cut: node " + std::to_string(node) + " does not exist; `full` has node 0 alone");
+      throw InvalidInput("cut: there is no node " + std::to_string(node) + "; `full` has node 0 alone");
   }
   if (nodes.size() > 1)
     throw InvalidInput("cut: node 0 is listed " + std::to_string(nodes.size()) + " times; the nodes overlap");
