@@ -13,12 +13,13 @@ import json
 import math
 import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .errors import InvalidInput
-from .results import SUMMARY_COLUMNS, table
+from .results import SUMMARY_COLUMNS, short_source, table, write_atomic
 from .runs import Run
 from .sweeps import Sweep
 
@@ -53,10 +54,6 @@ class Chart:
 
     def save(self, path: str | os.PathLike[str], theme: str = "light") -> None:
         """Writes the chart; the format follows the file's ending (.png, .svg, .pdf)."""
-        from pathlib import Path
-
-        from .results import write_atomic
-
         kind = Path(path).suffix.lower().lstrip(".")
         if kind not in ("png", "svg", "pdf"):
             raise InvalidInput(f"save chart: {path} ends in none of .png, .svg, .pdf")
@@ -200,7 +197,7 @@ def pareto(result: Any) -> Chart:
         raise InvalidInput("pareto: no run was measured (accuracy frames 0)")
     spread = frames.groupby("run")[["frame_ms", "triangles"]].quantile([0.05, 0.95]).unstack()
     groups = [
-        (f"{source} · {path}", rows)
+        (f"{short_source(source)} · {Path(path).stem}", rows)
         for (source, path), rows in summary[summary["measured_px_max_worst"].notna()].groupby(
             ["source", "path"], sort=False
         )
@@ -295,22 +292,26 @@ def _ticks(ax: Any, scale: _ErrorScale) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = ax.get_xlim()
-    marks = [m * 10**e for e in range(-4, 10) for m in (1, 2, 5) if low <= m * 10**e <= high]
-    if len(marks) > 6:
-        marks = [m for m in marks if f"{m:e}".startswith("1")]
-    ax.xaxis.set_major_locator(FixedLocator(marks))
+    ax.xaxis.set_major_locator(FixedLocator(round_numbers(low, high, 6)))
     ax.xaxis.set_major_formatter(FuncFormatter(short))
     ax.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
     ax.xaxis.set_minor_formatter(NullFormatter())
     top = scale.top / 1.5 if scale.has_top else scale.high
-    errors = [m * 10**e for e in range(-4, 6) for m in (1, 2, 5) if scale.floor * 1.5 < m * 10**e < top]
-    if len(errors) > 8:
-        errors = [m for m in errors if f"{m:e}".startswith("1")]
+    errors = round_numbers(scale.floor * 1.5, top, 8)
     names = {scale.floor: "0"} | ({scale.top: "∞"} if scale.has_top else {})
     ax.yaxis.set_major_locator(FixedLocator(sorted([*errors, *names])))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: next((n for k, n in names.items() if math.isclose(k, v)),
                                                                  short(v))))  # fmt: skip
     ax.yaxis.set_minor_locator(NullLocator())
+
+
+def round_numbers(low: float, high: float, most: int) -> list[float]:
+    """Marks of a logarithmic axis: 1, 2, 5 a decade, or fewer where that were too many."""
+    for steps in ((1, 2, 5), (1, 3), (1,)):
+        marks = [m * 10.0**e for e in range(-9, 13) for m in steps if low <= m * 10.0**e <= high]
+        if len(marks) <= most:
+            return marks
+    return marks
 
 
 # ---- timeline -------------------------------------------------------------------------------------
@@ -373,10 +374,7 @@ def _plain_log(ax: Any) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     low, high = ax.get_ylim()
-    marks = [m * 10**e for e in range(-5, 8) for m in (1, 2, 5) if low <= m * 10**e <= high]
-    if len(marks) > 7:
-        marks = [m for m in marks if f"{m:e}".startswith("1")]
-    ax.yaxis.set_major_locator(FixedLocator(marks))
+    ax.yaxis.set_major_locator(FixedLocator(round_numbers(low, high, 7)))
     ax.yaxis.set_major_formatter(FuncFormatter(short))
     ax.yaxis.set_minor_locator(NullLocator())
 

@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -529,8 +530,19 @@ def status_of(error: BaseException) -> tuple[int, str]:
     return 1, f"{type(error).__name__}: {error} (LODLAB_DEBUG=1 shows where)"
 
 
+def warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """A warning as one line, without the code that it came from."""
+    print("warning: " + " ".join(str(message).split()), file=sys.stderr)
+
+
 def run(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line and returns its exit status."""
+    with warnings.catch_warnings():
+        warnings.showwarning = warn
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         status = int(app(args=None if arguments is None else list(arguments), standalone_mode=False) or 0)
         if status == STOPPED:  # typer turns Ctrl-C into this status, and says nothing

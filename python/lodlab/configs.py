@@ -27,6 +27,7 @@ Methods that ignore budgets (`full`) make one run per path. Every default is wri
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,9 +123,14 @@ def _freeze_options(method: str, given: Mapping[str, Any]) -> dict[str, Any]:
             values = given[name] if isinstance(given[name], (list, tuple)) else [given[name]]
             if not values:
                 raise InvalidInput(f"options of {method}: {name} is an empty list")
-            checked = [_core.resolve_options(method, stage, {name: v})[name] for v in values]
+            checked = [_anywhere(_core.resolve_options(method, stage, {name: v})[name]) for v in values]
             out[name] = checked if len(checked) > 1 else checked[0]
     return dict(sorted(out.items()))
+
+
+def _anywhere(value: Any) -> Any:
+    """A text that names a file, so that it names it from any folder."""
+    return os.path.abspath(value) if isinstance(value, str) and os.path.isfile(value) else value
 
 
 def _known(where: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:
@@ -219,7 +225,8 @@ def plan(config: Mapping[str, Any]) -> list[Task]:
     tasks, names_used = [], set()
     for source, path, method, chosen, budget in grid:
         varied = [f"{k}={results.cell(v)}" for k, v in chosen.items() if len(seen[method, k]) > 1]
-        many = [v for v, several in ((source, config["sources"]), (Path(path).stem, config["paths"])) if several[1:]]
+        places = ((results.short_source(source), config["sources"]), (Path(path).stem, config["paths"]))
+        many = [name for name, several in places if len(several) > 1]
         name = run_name(*many, method, *varied, budget_text(budget))
         unique, n = name, 2
         while unique in names_used:

@@ -122,8 +122,15 @@ class Flight:
 class Yardstick:
     """The instrument of one source: `full` of it drawn as the reference, pictures cached by view."""
 
-    def __init__(self, source: HeightField, folder: Path | None = None, progress: bool = True):
+    def __init__(
+        self,
+        source: HeightField,
+        folder: Path | None = None,
+        progress: bool = True,
+        options: Mapping[str, Any] | None = None,
+    ):
         self.source = source
+        self.options = dict(options or {})
         self._folder = folder
         self._progress = progress
         self._instrument: Any = None
@@ -142,7 +149,7 @@ class Yardstick:
             if self.pictures:
                 if self._folder is None:
                     self._folder = results.temporary_folder(self)
-                store = store_for(self.source, "full", {}, self._folder, progress=self._progress)
+                store = store_for(self.source, "full", self.options, self._folder, progress=self._progress)
                 session = store.core.session(still(store.method, {}))
             self._instrument = _core.Instrument(self.source.core, session)
         return self._instrument
@@ -164,6 +171,11 @@ class Yardstick:
         """The accuracy columns of one drawn cut."""
         reference = self.reference(view)
         return self.instrument().measure(session, cut, view, reference, reference is not None)
+
+
+def look_of(store: Store) -> dict[str, Any]:
+    """Build options that `full` must share with a store to look like it: the colour raster, not the error."""
+    return {k: store.options[k] for k in options_of("full", "build") if k in store.options and k != "finest_error"}
 
 
 def still(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -347,7 +359,7 @@ def perform(
     views = list(path.views(flight.size, flight.fov))
     indices = accuracy_indices(len(views), flight.accuracy_frames)
     if indices and yardstick is None:
-        yardstick = Yardstick(store.source)
+        yardstick = Yardstick(store.source, options=look_of(store))
     streams = bool(flight.options.get("stream", False))
     session = store.core.session(flight.options)
     recording = speed_pass(session, views, budget, repeat=flight.repeat, streams=streams, tick=tick)

@@ -13,7 +13,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -22,7 +22,7 @@ import numpy as np
 
 from . import charts, pictures
 from .errors import InvalidInput
-from .results import HEAD, write_atomic
+from .results import HEAD, short_source, write_atomic
 from .sweeps import Sweep
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
@@ -232,7 +232,7 @@ def _provenance(folder: Path, summary: Any) -> str:
         ),
         ("Python", host.get("python", "?")),
         ("libraries", libraries),
-        *((f"source {name}", f"hash {value}") for name, value in record.get("sources", {}).items()),
+        *(("source", f"{name}, hash {value}") for name, value in record.get("sources", {}).items()),
         ("options hash", record.get("options_hash", "?")),
         ("start, end", f"{record.get('start', '?')} to {record.get('end', '?')}"),
     ]
@@ -262,14 +262,14 @@ def write(directory: str | os.PathLike[str]) -> Path:
         chart.save(folder / "pareto.svg")
         pareto = _chart(chart, _PARETO_CAPTION)
     page = Template((Path(__file__).parent / "templates" / "report.html").read_text(encoding="utf-8"))
-    sources, methods = _join(summary["source"]), _join(summary["method"])
+    sources, methods = _join(summary["source"].map(short_source)), _join(summary["method"])
     size, fov = _viewport(config)
     text = page.substitute(
         title=html.escape(f"lodlab: {methods} on {sources}"),
         heading=html.escape(f"{methods} on {sources}"),
         subtitle=html.escape(
-            f"{len(summary)} runs, path {_join(summary['path'])}, {int(summary['frames'].max())} frames of "
-            f"{size[0]} × {size[1]}, {_join(summary['device'])}"
+            f"{len(summary)} runs, path {_join(Path(p).stem for p in summary['path'])}, "
+            f"{int(summary['frames'].max())} frames of {size[0]} × {size[1]}, {_join(summary['device'])}"
         ),
         lead=_LEAD,
         pareto=pareto,
@@ -291,7 +291,7 @@ def _timeline(result: Sweep) -> str:
     for (source, path), rows in result.summary.groupby(["source", "path"], sort=False):
         frames = result.frames[result.frames["run"].isin(rows["run"])]
         several = len(result.summary.groupby(["source", "path"])) > 1
-        title = f"{html.escape(source)}, {html.escape(path)}. " if several else ""
+        title = f"{html.escape(short_source(source))}, {html.escape(Path(path).stem)}. " if several else ""
         parts.append(_chart(charts.timeline(Sweep(None, frames, rows)), title + _TIMELINE_CAPTION))
     return "".join(parts)
 
@@ -303,7 +303,7 @@ def _viewport(config: str) -> tuple[list[int], float]:
     return values.get("size", [1280, 720]), values.get("fov", 60.0)
 
 
-def _join(values: Sequence[str]) -> str:
+def _join(values: Iterable[str]) -> str:
     names = list(dict.fromkeys(values))
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 

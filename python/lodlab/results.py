@@ -117,6 +117,12 @@ def options_text(options: Mapping[str, Any]) -> str:
     return json.dumps(dict(options), sort_keys=True, separators=(",", ":"))
 
 
+def short_source(text: str) -> str:
+    """A SOURCE text for people: of a file, its name without the folders, keys kept."""
+    head, colon, keys = text.partition(":")
+    return os.path.basename(head) + colon + keys
+
+
 def short_hash(value: Any) -> str:
     """Twelve hex digits of the canonical JSON of a value: names of stores, `options_hash`."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"))

@@ -20,6 +20,7 @@ from .passes import (
     budget_text,
     check_budget,
     check_capture,
+    look_of,
     make_path,
     path_text,
     perform,
@@ -167,7 +168,8 @@ def fly(
     track.view(0, flight.size, fov)
     yardstick = None
     if accuracy_frames > 0:
-        yardstick = Yardstick(store.source, Path(out) / "stores" if out is not None else None, progress)
+        stores = Path(out) / "stores" if out is not None else None
+        yardstick = Yardstick(store.source, stores, progress, look_of(store))
 
     def finish(flown: Flown) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         return flown.rows, results.summarize(flown.rows, store_bytes=store.bytes, build_seconds=store.build_seconds)

@@ -20,7 +20,17 @@ from . import _core, results
 from .configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, Task, freeze, plan
 from .errors import InvalidInput, Unsupported
 from .heightfield import HeightField
-from .passes import Flight, Yardstick, accuracy_indices, check_capture, make_path, path_text, perform, store_for
+from .passes import (
+    Flight,
+    Yardstick,
+    accuracy_indices,
+    check_capture,
+    look_of,
+    make_path,
+    path_text,
+    perform,
+    store_for,
+)
 from .paths import CameraPath
 from .runs import Run
 from .sources import as_source
@@ -39,12 +49,12 @@ class Workshop:
         self._progress = progress
         self._name: str | None = None
         self._source: HeightField | None = None
-        self._yardstick: Yardstick | None = None
+        self._yardsticks: dict[str, Yardstick] = {}
 
     def source(self, name: str) -> HeightField:
         """The source of a task, loaded once while tasks of the same source follow each other."""
         if self._name != name or self._source is None:
-            self._yardstick = None
+            self._yardsticks.clear()
             self._source = self.sources[name] if name in self.sources else as_source(name)
             self._name = name
         return self._source
@@ -60,13 +70,20 @@ class Workshop:
         stores = self.folder / "stores"
         return store_for(source, task.method, task.build_options, stores, progress=self._progress)
 
+    def yardstick(self, store: Store) -> Yardstick:
+        """What a store's cuts are measured against; one for all stores that look alike."""
+        look = look_of(store)
+        key = results.options_text(look)
+        if key not in self._yardsticks:
+            self._yardsticks[key] = Yardstick(store.source, self.folder / "stores", self._progress, look)
+        return self._yardsticks[key]
+
     def make(self, task: Task, tick: Callable[[], Any]) -> dict[str, Any]:
         """One run: its rows, and what the provenance wants to know."""
         store = self.prepare(task)
         flight = task.flight
-        if self._yardstick is None:
-            self._yardstick = Yardstick(store.source, self.folder / "stores", self._progress)
-        flown = perform(store, self.path(flight), flight, yardstick=self._yardstick, folder=self.folder, tick=tick)
+        yardstick = self.yardstick(store)
+        flown = perform(store, self.path(flight), flight, yardstick=yardstick, folder=self.folder, tick=tick)
         return {
             "rows": flown.rows,
             "summary": results.summarize(flown.rows, store_bytes=store.bytes, build_seconds=store.build_seconds),
@@ -116,10 +133,9 @@ def _side_by_side(
     """Runs in spawned processes, each with its own GL context, as they finish."""
     for task in tasks:  # builds use every core by themselves, and no two workers build the same store
         bar.set_postfix_str(f"store of {task.flight.name}")
-        workshop.prepare(task)
-        if task.flight.accuracy_frames and "full" != task.method:
-            full = _core.resolve_options("full", "build", {})
-            store_for(workshop.source(task.flight.source), "full", full, workshop.folder / "stores", progress=False)
+        store = workshop.prepare(task)
+        if task.flight.accuracy_frames:
+            store_for(store.source, "full", look_of(store), workshop.folder / "stores", progress=False)
     bar.set_postfix_str(f"{jobs} jobs")
     in_memory = {name: source for name, source in workshop.sources.items() if not source.spec}
     before = set(multiprocessing.active_children())
