@@ -7,7 +7,8 @@ namespace lodlab {
 
 std::vector<std::byte> coverage_bits(const HeightField& field) {
   if (field.valid == nullptr) return {};
-  if (std::all_of(field.valid, field.valid + field.rows * field.cols, [](uint8_t v) { return v != 0; })) return {};
+  if (std::all_of(field.valid, field.valid + field.rows * field.cols, [](uint8_t v) { return v != 0; }))
+    return {};
   const int64_t cells = cell_columns(field);
   std::vector<std::byte> bits(static_cast<size_t>((cells * (field.rows - 1) + 7) / 8), std::byte{0});
   for (int64_t row = 0; row + 1 < field.rows; ++row) {

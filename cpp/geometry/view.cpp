@@ -33,7 +33,8 @@ void check(const View& view) {
     throw InvalidInput("view: near " + std::to_string(view.near_plane) + " is not a finite distance >= 0");
   }
   if (!(glm::length(view.target - view.eye) > 0.0)) {
-    throw InvalidInput("view: eye and target are the same point " + text(view.eye) + ": no direction to look");
+    throw InvalidInput("view: eye and target are the same point " + text(view.eye) +
+                       ": no direction to look");
   }
 }
 
@@ -72,8 +73,8 @@ Camera make_camera(const View& view) {
 
 glm::dmat4 Camera::clip_from_relative() const {
   const glm::dvec3 x = right / tan_h, y = up / tan_v;
-  return glm::transpose(glm::dmat4(glm::dvec4(x, 0.0), glm::dvec4(y, 0.0), glm::dvec4(0.0, 0.0, 0.0, near_plane),
-                                   glm::dvec4(forward, 0.0)));
+  return glm::transpose(glm::dmat4(glm::dvec4(x, 0.0), glm::dvec4(y, 0.0),
+                                   glm::dvec4(0.0, 0.0, 0.0, near_plane), glm::dvec4(forward, 0.0)));
 }
 
 glm::dmat4 Camera::clip_from_world() const {

@@ -57,26 +57,26 @@ struct NodeInfo {
 };
 
 struct CutNode {
-  uint32_t node = 0;        ///< the node that was selected
+  uint32_t node = 0;  ///< the node that was selected
   uint32_t resolution = 0;
-  float morph = 1.0f;       ///< 1: its own surface, 0: its parent's
-  bool visible = true;      ///< false: outside the frustum, not submitted in pictures
-  bool missing = false;     ///< finer data was wanted and is not there yet: this node stands in
+  float morph = 1.0f;    ///< 1: its own surface, 0: its parent's
+  bool visible = true;   ///< false: outside the frustum, not submitted in pictures
+  bool missing = false;  ///< finer data was wanted and is not there yet: this node stands in
 };
 
 /// What a method selected for a view under a budget. It covers the whole source.
 struct Cut {
-  View view;                   ///< the view it was selected for
-  std::vector<CutNode> nodes;  ///< sorted by node
+  View view;                                             ///< the view it was selected for
+  std::vector<CutNode> nodes;                            ///< sorted by node
   double tau = std::numeric_limits<double>::infinity();  ///< pixels; morphs and edges were computed for it
-  double predicted_px = 0.0;   ///< largest projected bound among visible nodes, as drawn
-  int64_t triangles = 0;       ///< of visible nodes, fillers included
+  double predicted_px = 0.0;  ///< largest projected bound among visible nodes, as drawn
+  int64_t triangles = 0;      ///< of visible nodes, fillers included
   int64_t filler_triangles = 0;
   int64_t visible_nodes = 0;
   int64_t missing_nodes = 0;   ///< visible stand-ins
   bool promises_bound = true;  ///< predicted_px is an upper bound
   bool budget_met = true;
-  std::string options;         ///< draw options, JSON
+  std::string options;  ///< draw options, JSON
   /// Set by methods that select on the GPU: the record that redraws this very cut.
   std::shared_ptr<const void> record;
 };

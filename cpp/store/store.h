@@ -28,7 +28,7 @@ enum class BuildMode {
 
 struct StoreMeta {
   std::string method;
-  std::string options;      ///< JSON of all build options
+  std::string options;  ///< JSON of all build options
   std::string source_hash;
   std::string source_spec;  ///< SOURCE of the command line, or empty
   std::string frame;        ///< JSON of the FieldFrame

@@ -2,8 +2,8 @@
 // The chunk tree against its source, without GL: every stored mesh, as its own surface and as its parent's,
 // is rasterized at the samples and held against the stored bounds; skirts against all that they must hide.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
-#include <unistd.h>
 #include <doctest/doctest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstring>
@@ -54,7 +54,9 @@ struct Field {
 };
 
 std::shared_ptr<const Store> build(const Field& field, const std::map<std::string, OptionValue>& options) {
-  const auto path = (std::filesystem::temp_directory_path() / ("test_chunked_" + std::to_string(::getpid()) + ".lod")).string();
+  const auto path =
+      (std::filesystem::temp_directory_path() / ("test_chunked_" + std::to_string(::getpid()) + ".lod"))
+          .string();
   auto store = build_store({field.field}, chunked_method(), options, path, BuildMode::kForce, {});
   std::filesystem::remove(path);  // the open file stays readable
   return store;
@@ -73,7 +75,8 @@ Mesh mesh_of(const ChunkedHierarchy& tree, size_t id) {
   mesh.vertices.resize(mesh.head.vertices);
   mesh.indices.resize(mesh.head.indices);
   std::memcpy(mesh.vertices.data(), page.data() + sizeof mesh.head, mesh.vertices.size() * 8);
-  std::memcpy(mesh.indices.data(), page.data() + sizeof mesh.head + mesh.vertices.size() * 8, mesh.indices.size() * 4);
+  std::memcpy(mesh.indices.data(), page.data() + sizeof mesh.head + mesh.vertices.size() * 8,
+              mesh.indices.size() * 4);
   return mesh;
 }
 
@@ -81,13 +84,15 @@ Mesh mesh_of(const ChunkedHierarchy& tree, size_t id) {
 std::vector<double> rasterize(const Mesh& mesh, int side, bool targets) {
   std::vector<double> z(static_cast<size_t>(side + 1) * (side + 1), std::nan(""));
   for (uint32_t i = 0; i < mesh.head.surface_indices; i += 3) {
-    const Vertex &a = mesh.vertices[mesh.indices[i]], &b = mesh.vertices[mesh.indices[i + 1]], &c = mesh.vertices[mesh.indices[i + 2]];
+    const Vertex &a = mesh.vertices[mesh.indices[i]], &b = mesh.vertices[mesh.indices[i + 1]],
+                 &c = mesh.vertices[mesh.indices[i + 2]];
     const auto cross = [](int ax, int ay, int bx, int by) { return ax * by - ay * bx; };
     const int area = cross(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
     REQUIRE(area < 0);  // counter-clockwise with rows running south
     for (int y = std::min({a.y, b.y, c.y}); y <= std::max({a.y, b.y, c.y}); ++y) {
       for (int x = std::min({a.x, b.x, c.x}); x <= std::max({a.x, b.x, c.x}); ++x) {
-        const int u = cross(b.x - x, b.y - y, c.x - x, c.y - y), v = cross(c.x - x, c.y - y, a.x - x, a.y - y);
+        const int u = cross(b.x - x, b.y - y, c.x - x, c.y - y),
+                  v = cross(c.x - x, c.y - y, a.x - x, a.y - y);
         const int w = area - u - v;
         if (u > 0 || v > 0 || w > 0) continue;
         const auto h = [&](const Vertex& p) { return double{targets ? p.target * 1.0 : p.z * 1.0}; };
@@ -127,7 +132,8 @@ void check_bounds(const Field& source, const ChunkedHierarchy& tree) {
         worst = std::max(worst, std::abs(tree.quantizer.height(own[i]) - h));
         worst_target = std::max(worst_target, std::abs(tree.quantizer.height(target[i]) - h));
         if (!parent.empty()) {
-          from_parent = std::max(from_parent, std::abs(target[i] - parent[static_cast<size_t>(shift + y * (2 * side + 1) + x)]));
+          from_parent = std::max(
+              from_parent, std::abs(target[i] - parent[static_cast<size_t>(shift + y * (2 * side + 1) + x)]));
         }
         CHECK(h >= node.lo[2]);
         CHECK(h <= node.hi[2]);
@@ -177,7 +183,9 @@ std::map<EdgeKey, Edge> edges_of(const ChunkedHierarchy& tree) {
 
 double interpolate(const std::map<int, std::pair<double, double>>& line, int at, double morph) {
   const auto next = line.lower_bound(at);
-  const auto value = [&](const std::pair<double, double>& p) { return p.second + morph * (p.first - p.second); };
+  const auto value = [&](const std::pair<double, double>& p) {
+    return p.second + morph * (p.first - p.second);
+  };
   if (next->first == at) return value(next->second);
   const auto before = std::prev(next);
   const double f = static_cast<double>(at - before->first) / (next->first - before->first);
@@ -189,7 +197,9 @@ void check_skirts(const ChunkedHierarchy& tree) {
   const auto edges = edges_of(tree);
   for (const auto& [key, edge] : edges) {
     for (auto other = edges.lower_bound({std::get<0>(key), std::get<1>(key), 0});
-         other != edges.end() && std::get<0>(other->first) == std::get<0>(key) && std::get<1>(other->first) == std::get<1>(key); ++other) {
+         other != edges.end() && std::get<0>(other->first) == std::get<0>(key) &&
+         std::get<1>(other->first) == std::get<1>(key);
+         ++other) {
       const int from = std::max(edge.low.begin()->first, other->second.high.begin()->first);
       const int to = std::min(edge.low.rbegin()->first, other->second.high.rbegin()->first);
       for (int at = from; at <= to; ++at) {
@@ -218,11 +228,13 @@ Field fractal(int rows, int cols) {
 }  // namespace
 
 TEST_CASE("bounds, morph targets and skirts hold on real-looking terrain of any size") {
-  for (const auto& [rows, cols] : {std::pair{65, 65}, {129, 129}, {100, 77}, {2, 2}, {2, 200}, {200, 2}, {131, 260}}) {
+  for (const auto& [rows, cols] :
+       {std::pair{65, 65}, {129, 129}, {100, 77}, {2, 2}, {2, 200}, {200, 2}, {131, 260}}) {
     CAPTURE(rows);
     CAPTURE(cols);
     check(fractal(rows, cols), {{"leaf", int64_t{16}}, {"chunk_triangles", int64_t{128}}});
-    check(fractal(rows, cols), {{"leaf", int64_t{16}}, {"chunk_triangles", int64_t{128}}, {"finest_error", 5.0}});
+    check(fractal(rows, cols),
+          {{"leaf", int64_t{16}}, {"chunk_triangles", int64_t{128}}, {"finest_error", 5.0}});
   }
 }
 
@@ -230,15 +242,22 @@ TEST_CASE("flat, spiky, stepped and noisy fields") {
   const std::map<std::string, OptionValue> options{{"leaf", int64_t{8}}, {"chunk_triangles", int64_t{64}}};
   check(Field(70, 50, [](int, int) { return 7.25f; }), options);
   check(Field(70, 50, [](int r, int c) { return r == 33 && c == 20 ? 5000.0f : 0.0f; }), options);
-  check(Field(70, 50, [](int, int c) { return c < 23 ? 0.0f : 4000.0f; }, 1.0), options);
+  check(Field(
+            70, 50, [](int, int c) { return c < 23 ? 0.0f : 4000.0f; }, 1.0),
+        options);
   std::mt19937 random(3);
-  check(Field(70, 50, [&](int, int) { return static_cast<float>(random() % 60000); }, 1.0), options);
-  check(Field(70, 50, [](int r, int c) { return static_cast<float>(2 * r - 3 * c); }, 1.0), options);
+  check(Field(
+            70, 50, [&](int, int) { return static_cast<float>(random() % 60000); }, 1.0),
+        options);
+  check(Field(
+            70, 50, [](int r, int c) { return static_cast<float>(2 * r - 3 * c); }, 1.0),
+        options);
 }
 
 TEST_CASE("whole heights are kept exactly and finest_error 0 loses nothing") {
   std::mt19937 random(5);
-  const Field field(90, 120, [&](int, int) { return static_cast<float>(static_cast<int>(random() % 9000) - 400); }, 1.0);
+  const Field field(
+      90, 120, [&](int, int) { return static_cast<float>(static_cast<int>(random() % 9000) - 400); }, 1.0);
   const ChunkedHierarchy tree(build(field, {{"leaf", int64_t{16}}}));
   for (const Node& node : tree.node) {
     if (node.level + 1 == tree.levels) CHECK(node.error == 0.0);
@@ -259,17 +278,21 @@ TEST_CASE("one thread or many, twice: the same content") {
 
 TEST_CASE("projection: an upper bound on screen movement, and its inverse") {
   std::mt19937_64 random(11);
-  const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
+  const auto uniform = [&](double a, double b) {
+    return std::uniform_real_distribution<double>(a, b)(random);
+  };
   for (int i = 0; i < 200000; ++i) {
     const double tan_h = std::tan(uniform(0.1, 1.4)), tan_v = tan_h * uniform(0.3, 1.5);
     const double s = std::sqrt(1 + tan_h * tan_h + tan_v * tan_v), K = 600.0 / tan_h, n = uniform(0.01, 2.0);
-    const double z = n + std::exp(uniform(-3, 5)), x = uniform(-1, 1) * z * tan_h, y = uniform(-1, 1) * z * tan_v;
+    const double z = n + std::exp(uniform(-3, 5)), x = uniform(-1, 1) * z * tan_h,
+                 y = uniform(-1, 1) * z * tan_v;
     const double delta = std::exp(uniform(-4, 5));
     double d[3] = {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
     const double length = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     double share = 1.0;  // of the way to the near plane
     if (z + d[2] / length * delta < n) share = (n - z) / (d[2] / length * delta);
-    const double qx = x + d[0] / length * delta * share, qy = y + d[1] / length * delta * share, qz = z + d[2] / length * delta * share;
+    const double qx = x + d[0] / length * delta * share, qy = y + d[1] / length * delta * share,
+                 qz = z + d[2] / length * delta * share;
     const double moved = K * std::hypot(qx / qz - x / z, qy / qz - y / z);
     const double D = std::sqrt(x * x + y * y + z * z);
     CHECK(moved <= project_strict(delta, K, D, n, s, 1.0) * (1 + 1e-9));
@@ -284,6 +307,7 @@ TEST_CASE("projection: an upper bound on screen movement, and its inverse") {
     double part = 1.0;
     if (z + uz * delta < n) part = (n - z) / (uz * delta);
     const double vy = y + uy * delta * part, vz = z + uz * delta * part, vx = x + ux;
-    CHECK(K * std::hypot(vx / vz - x / z, vy / vz - y / z) <= project_strict(delta, K, D, n, s, cosine) * (1 + 1e-9));
+    CHECK(K * std::hypot(vx / vz - x / z, vy / vz - y / z) <=
+          project_strict(delta, K, D, n, s, cosine) * (1 + 1e-9));
   }
 }

@@ -192,8 +192,8 @@ TEST_CASE("fill: corner, edge, ragged lines, one sample") {
       for (int64_t i = 0; i < rows * cols; ++i) {
         const int64_t r = i / cols, c = i % cols;
         state = state * 1664525u + 1013904223u;
-        const bool real[5] = {r + c > rows / 2, r > rows / 2 || i == 0, (state >> 24) < 20 || i == 0, r == c || i == 0,
-                              i == rows * cols / 2};
+        const bool real[5] = {r + c > rows / 2, r > rows / 2 || i == 0, (state >> 24) < 20 || i == 0,
+                              r == c || i == 0, i == rows * cols / 2};
         valid[i] = real[pattern];
         h[i] = -32768.0f;
         if (!valid[i]) continue;

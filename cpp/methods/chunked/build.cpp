@@ -39,7 +39,8 @@ Levels choose_levels(const Grid& grid, double finest_error, double chunk_triangl
       // A kept vertex makes about two triangles.
       const auto target = static_cast<int64_t>(0.5 * chunk_triangles * chunks);
       const auto fits = std::find_if(kept.begin(), kept.end(), [&](int64_t n) { return n <= target; });
-      const double wanted = ladder[static_cast<size_t>(std::min(fits, kept.end() - 1) - kept.begin())] * q.quantum + q.residual;
+      const double wanted =
+          ladder[static_cast<size_t>(std::min(fits, kept.end() - 1) - kept.begin())] * q.quantum + q.residual;
       delta = std::max(2.0 * delta, wanted);
     }
     levels.delta[static_cast<size_t>(level)] = delta;
@@ -68,7 +69,8 @@ std::vector<Node> make_nodes(const Layout& layout) {
     if (level == layout.levels) break;
     const int32_t side = layout.side(level), row = nodes[i].row, col = nodes[i].col;
     nodes[i].first_child = static_cast<uint32_t>(nodes.size());
-    for (int c = 0; c < 4; ++c) add(col + (c & 1) * side, row + (c >> 1) * side, level, static_cast<int32_t>(i));
+    for (int c = 0; c < 4; ++c)
+      add(col + (c & 1) * side, row + (c >> 1) * side, level, static_cast<int32_t>(i));
     nodes[i].children = static_cast<uint16_t>(nodes.size() - nodes[i].first_child);
   }
   return nodes;
@@ -76,9 +78,11 @@ std::vector<Node> make_nodes(const Layout& layout) {
 
 Box leaf_samples(const HeightField& field, int32_t x, int32_t y, int32_t side) {
   Box box;
-  const int64_t x1 = std::min<int64_t>(x + side, field.cols - 1), y1 = std::min<int64_t>(y + side, field.rows - 1);
+  const int64_t x1 = std::min<int64_t>(x + side, field.cols - 1),
+                y1 = std::min<int64_t>(y + side, field.rows - 1);
   for (int64_t row = y; row <= y1; ++row) {
-    const auto [low, high] = std::minmax_element(field.heights + row * field.cols + x, field.heights + row * field.cols + x1 + 1);
+    const auto [low, high] =
+        std::minmax_element(field.heights + row * field.cols + x, field.heights + row * field.cols + x1 + 1);
     box.lo.z = std::min<double>(box.lo.z, *low);
     box.hi.z = std::max<double>(box.hi.z, *high);
   }
@@ -106,10 +110,12 @@ void nest(std::vector<Node>& nodes, const std::vector<uint8_t>& rounded, double 
         node.hi[a] = std::max(node.hi[a], child.hi[a]);
       }
     }
-    for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) own = std::max(own, nodes[c].error);
+    for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c)
+      own = std::max(own, nodes[c].error);
     node.error = own;
   }
-  for (Node& node : nodes) node.parent_error = node.parent < 0 ? node.error : nodes[static_cast<size_t>(node.parent)].error;
+  for (Node& node : nodes)
+    node.parent_error = node.parent < 0 ? node.error : nodes[static_cast<size_t>(node.parent)].error;
 }
 
 }  // namespace
@@ -124,7 +130,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   const Layout layout = make_layout(field.rows, field.cols, leaf);
   const Grid grid(field, layout);
   const Quantizer& q = grid.quantizer();
-  const Levels levels = choose_levels(grid, options.real("finest_error"), static_cast<double>(options.integer("chunk_triangles")));
+  const Levels levels = choose_levels(grid, options.real("finest_error"),
+                                      static_cast<double>(options.integer("chunk_triangles")));
   const Envelope envelope(grid, levels);
   std::vector<Node> nodes = make_nodes(layout);
   const TexturePyramid texture(options.text("attribute"), field, layout, levels, options.real("tau_max"));
@@ -151,7 +158,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
       Box box = node.level + 1 == layout.levels ? leaf_samples(field, node.col, node.row, side) : Box{};
       box.lo.z = std::min(box.lo.z, q.height(mesh.low));
       box.hi.z = std::max(box.hi.z, q.height(mesh.high));
-      const int64_t col = std::min<int64_t>(node.col + side, layout.width), row = std::min<int64_t>(node.row + side, layout.height);
+      const int64_t col = std::min<int64_t>(node.col + side, layout.width),
+                    row = std::min<int64_t>(node.row + side, layout.height);
       box.lo.x = field.x0 + node.col * field.dx;
       box.hi.x = field.x0 + static_cast<double>(col) * field.dx;
       box.hi.y = field.y0 - node.row * field.dy;
@@ -163,7 +171,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
       if (!writer.has_page(kGeometry, i)) writer.put_page(kGeometry, i, encode_page(mesh));
       if (texture.active()) {
         node.texture_side = static_cast<uint16_t>(texture.side(node.level));
-        if (!writer.has_page(kTexture, i)) writer.put_page(kTexture, i, texture.page(node.level, node.row, node.col));
+        if (!writer.has_page(kTexture, i))
+          writer.put_page(kTexture, i, texture.page(node.level, node.row, node.col));
       }
     }
     const int64_t total = done += end - begin;

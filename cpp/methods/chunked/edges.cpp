@@ -30,7 +30,8 @@ float middle_height(const Line& line, float limit, int32_t side, int32_t i) {
   if (i % side == 0) return 0.5f * (line.k_at(i, -half) + line.k_at(i, half));
   const int32_t x = (line.vertical ? line.at : i) - half, y = (line.vertical ? i : line.at) - half;
   const int32_t flip = main_diagonal(x, y, side) ? 1 : -1;
-  return 0.5f * static_cast<float>(line.grid.k(x, y + half - flip * half) + line.grid.k(x + side, y + half + flip * half));
+  return 0.5f * static_cast<float>(line.grid.k(x, y + half - flip * half) +
+                                   line.grid.k(x + side, y + half + flip * half));
 }
 
 }  // namespace
@@ -52,13 +53,14 @@ void edge_curve(const Grid& grid, const Levels& levels, int level, bool vertical
   float z = forced(from);
   for (int32_t i = from; i < to; ++i) {
     int32_t next = knot + 1;
-    while (next % step != 0 && (next > kept ? next % layout.leaf != 0 || line.error(next) <= limit
-                                            : line.error(next) <= limit)) {
+    while (next % step != 0 &&
+           (next > kept ? next % layout.leaf != 0 || line.error(next) <= limit : line.error(next) <= limit)) {
       ++next;
     }
     const float z_next = next % step == 0 ? forced(next) : line.k(next);
     const float slope = (z_next - z) / static_cast<float>(next - knot);
-    for (int32_t j = knot; j < next; ++j) out[static_cast<size_t>(j - from)] = z + slope * static_cast<float>(j - knot);
+    for (int32_t j = knot; j < next; ++j)
+      out[static_cast<size_t>(j - from)] = z + slope * static_cast<float>(j - knot);
     knot = next;
     z = z_next;
     i = next - 1;

@@ -101,7 +101,8 @@ class ErrorPass {
       const int32_t left = t.left + i * t.dleft;
       const int32_t right = std::min(t.right + i * t.dright, layout_.width);
       if (right < left) continue;
-      const float p = plane.z + plane.gx * static_cast<float>(left - plane.x) + plane.gy * static_cast<float>(y - plane.y);
+      const float p = plane.z + plane.gx * static_cast<float>(left - plane.x) +
+                      plane.gy * static_cast<float>(y - plane.y);
       worst = std::max(worst, row_error(grid_.row(y) + left, right - left + 1, p, plane.gx));
     }
     return worst;
@@ -112,14 +113,16 @@ class ErrorPass {
   /// Hypotenuse horizontal, from (x - s, y) to (x + s, y); apex (x, y + s * dir).
   float horizontal(int32_t x, int32_t y, int32_t s, int32_t dir) const {
     const float b = k(x - s, y), c = k(x + s, y), a = k(x, y + dir * s), inv = 1.0f / static_cast<float>(s);
-    const Plane plane{a, 0.5f * (c - b) * inv, (0.5f * (b + c) - a) * inv * static_cast<float>(-dir), x, y + dir * s};
+    const Plane plane{a, 0.5f * (c - b) * inv, (0.5f * (b + c) - a) * inv * static_cast<float>(-dir), x,
+                      y + dir * s};
     return scan({y + dir * s, -dir, s + 1, x, -1, x, 1}, plane);
   }
 
   /// Hypotenuse vertical, from (x, y - s) to (x, y + s); apex (x + s * dir, y).
   float vertical(int32_t x, int32_t y, int32_t s, int32_t dir) const {
     const float b = k(x, y - s), c = k(x, y + s), a = k(x + dir * s, y), inv = 1.0f / static_cast<float>(s);
-    const Plane plane{a, (0.5f * (b + c) - a) * inv * static_cast<float>(-dir), 0.5f * (c - b) * inv, x + dir * s, y};
+    const Plane plane{a, (0.5f * (b + c) - a) * inv * static_cast<float>(-dir), 0.5f * (c - b) * inv,
+                      x + dir * s, y};
     const bool right = dir > 0;
     const Rows upper = right ? Rows{y, -1, s + 1, x, 0, x + s, -1} : Rows{y, -1, s + 1, x - s, 1, x, 0};
     const Rows lower = right ? Rows{y, 1, s + 1, x, 0, x + s, -1} : Rows{y, 1, s + 1, x - s, 1, x, 0};
@@ -132,7 +135,8 @@ class ErrorPass {
     const float a = k(px, py), inv = 0.5f / static_cast<float>(s);
     const float gx = (k(x - s * ax, py) - a) * inv * static_cast<float>(-ax);
     const float gy = (k(px, y - s * ay) - a) * inv * static_cast<float>(-ay);
-    const Rows rows = ax < 0 ? Rows{py, -ay, 2 * s + 1, px, 0, px + 2 * s, -1} : Rows{py, -ay, 2 * s + 1, px - 2 * s, 1, px, 0};
+    const Rows rows = ax < 0 ? Rows{py, -ay, 2 * s + 1, px, 0, px + 2 * s, -1}
+                             : Rows{py, -ay, 2 * s + 1, px - 2 * s, 1, px, 0};
     return scan(rows, {a, gx, gy, px, py});
   }
 
@@ -198,7 +202,8 @@ class ErrorPass {
     return stored(x, y) ? grid_.error(x, y) : 0.0f;
   }
   bool stored(int32_t x, int32_t y) const {
-    return (x < grid_.fine_width_ && y < grid_.fine_height_) || (x % layout_.leaf == 0 && y % layout_.leaf == 0);
+    return (x < grid_.fine_width_ && y < grid_.fine_height_) ||
+           (x % layout_.leaf == 0 && y % layout_.leaf == 0);
   }
   float& place(int32_t x, int32_t y) {
     static thread_local float unused;
@@ -210,7 +215,8 @@ class ErrorPass {
   int32_t extent_x_, extent_y_;
 };
 
-Grid::Grid(const HeightField& field, const Layout& layout) : layout_(layout), quantizer_(make_quantizer(field)) {
+Grid::Grid(const HeightField& field, const Layout& layout)
+    : layout_(layout), quantizer_(make_quantizer(field)) {
   stride_ = layout.width + 1;
   samples_.resize(static_cast<size_t>(stride_) * (layout.height + 1));
   std::mutex mutex;
@@ -225,7 +231,9 @@ Grid::Grid(const HeightField& field, const Layout& layout) : layout_(layout), qu
     const std::lock_guard lock(mutex);
     quantizer_.residual = std::max(quantizer_.residual, worst);
   });
-  const auto padded = [&](int32_t cells) { return (cells + layout.leaf - 1) / layout.leaf * layout.leaf + 1; };
+  const auto padded = [&](int32_t cells) {
+    return (cells + layout.leaf - 1) / layout.leaf * layout.leaf + 1;
+  };
   fine_width_ = padded(layout.width);
   fine_height_ = padded(layout.height);
   coarse_width_ = layout.roots_x * layout.root / layout.leaf + 1;

@@ -15,15 +15,15 @@ enum PageKind { kGeometry = 0, kTexture = 1, kCoverage = 2 };
 
 /// One row of the array "nodes" of the store.
 struct Node {
-  double lo[3], hi[3];     ///< bounds of source samples, surface, targets and skirts
-  double error;            ///< bound for every surface this node may be drawn with, down to its children's morphs
-  double parent_error;     ///< that of the parent; of a root its own
-  int32_t parent;          ///< -1: root
+  double lo[3], hi[3];  ///< bounds of source samples, surface, targets and skirts
+  double error;  ///< bound for every surface this node may be drawn with, down to its children's morphs
+  double parent_error;  ///< that of the parent; of a root its own
+  int32_t parent;       ///< -1: root
   uint32_t first_child;
-  int32_t row, col;        ///< corner of the chunk, samples
+  int32_t row, col;  ///< corner of the chunk, samples
   uint32_t vertices, surface_vertices, indices, surface_indices;
   uint16_t level, children;
-  uint16_t texture_side;   ///< texels a side, 0: none
+  uint16_t texture_side;  ///< texels a side, 0: none
   uint16_t pad;
 };
 static_assert(sizeof(Node) == 104);
@@ -58,6 +58,7 @@ class ChunkedHierarchy : public Hierarchy, public std::enable_shared_from_this<C
 };
 
 /// The session on a hierarchy: select.cpp picks, draw.cpp draws.
-std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options);
+std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hierarchy,
+                                      const Options& options);
 
 }  // namespace lodlab::chunked

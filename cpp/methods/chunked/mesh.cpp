@@ -23,7 +23,12 @@ int32_t rounded(int64_t fixed) { return static_cast<int32_t>((fixed + kOne / 2) 
 }  // namespace
 
 ChunkMesher::ChunkMesher(const Grid& grid, const Levels& levels, const Envelope& envelope)
-    : grid_(grid), levels_(levels), envelope_(envelope), keys_(kTable, UINT32_MAX), slots_(kTable), mask_(kTable - 1) {}
+    : grid_(grid),
+      levels_(levels),
+      envelope_(envelope),
+      keys_(kTable, UINT32_MAX),
+      slots_(kTable),
+      mask_(kTable - 1) {}
 
 uint32_t ChunkMesher::find(int32_t x, int32_t y) const {
   const uint32_t key = static_cast<uint32_t>(y - y_) << 16 | static_cast<uint32_t>(x - x_);
@@ -54,8 +59,8 @@ uint32_t ChunkMesher::vertex(int32_t x, int32_t y, int32_t z, int64_t target) {
   slots_[i] = index;
   const int32_t t = rounded(target);
   mesh_.rounded |= (target & (kOne - 1)) != 0;
-  mesh_.vertices.push_back({static_cast<uint16_t>(x - x_), static_cast<uint16_t>(y - y_), static_cast<uint16_t>(z),
-                            static_cast<uint16_t>(t)});
+  mesh_.vertices.push_back({static_cast<uint16_t>(x - x_), static_cast<uint16_t>(y - y_),
+                            static_cast<uint16_t>(z), static_cast<uint16_t>(t)});
   mesh_.low = std::min({mesh_.low, z, t});
   mesh_.high = std::max({mesh_.high, z, t});
   return index;
@@ -84,7 +89,8 @@ const ChunkMesh& ChunkMesher::build(int level, int32_t x, int32_t y) {
 
   const int32_t side = level > 0 ? 2 * side_ : side_;
   const int32_t px = x / side * side, py = y / side * side;
-  const Corner nw = corner(px, py), ne = corner(px + side, py), sw = corner(px, py + side), se = corner(px + side, py + side);
+  const Corner nw = corner(px, py), ne = corner(px + side, py), sw = corner(px, py + side),
+               se = corner(px + side, py + side);
   if (main_diagonal(px, py, side)) {
     split(ne, nw, se, false);
     split(sw, se, nw, false);
@@ -110,11 +116,13 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
   const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
   const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
   const Layout& layout = grid_.layout();
-  if (x0 >= std::min(x_ + side_, layout.width) || y0 >= std::min(y_ + side_, layout.height) || x1 <= x_ || y1 <= y_) {
+  if (x0 >= std::min(x_ + side_, layout.width) || y0 >= std::min(y_ + side_, layout.height) || x1 <= x_ ||
+      y1 <= y_) {
     return;
   }
   const int32_t mx = (b.x + c.x) / 2, my = (b.y + c.y) / 2;
-  const bool forced = x1 - x0 > side_ || y1 - y0 > side_ || (x0 < x_ || x1 > x_ + side_ || y0 < y_ || y1 > y_ + side_);
+  const bool forced =
+      x1 - x0 > side_ || y1 - y0 > side_ || (x0 < x_ || x1 > x_ + side_ || y0 < y_ || y1 > y_ + side_);
   const bool divisible = std::max(std::abs(b.x - c.x), std::abs(b.y - c.y)) > 1;
   const float error = divisible ? grid_.error(mx, my) : 0.0f;
   if (!forced && !(error > limit_)) {
@@ -134,7 +142,8 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
 }
 
 void ChunkMesher::emit(const Corner& a, const Corner& b, const Corner& c) {
-  for (const Corner* p : {&a, &b, &c}) mesh_.indices.push_back(vertex(p->x, p->y, grid_.k(p->x, p->y), p->target));
+  for (const Corner* p : {&a, &b, &c})
+    mesh_.indices.push_back(vertex(p->x, p->y, grid_.k(p->x, p->y), p->target));
 }
 
 void ChunkMesher::emit_clipped(const Corner& a, const Corner& b, const Corner& c) {
@@ -155,9 +164,12 @@ void ChunkMesher::emit_clipped(const Corner& a, const Corner& b, const Corner& c
       if (at <= border) kept[out++] = p;
       if ((at < border && to > border) || (at > border && to < border)) {
         const long double f = static_cast<long double>(border - at) / (to - at);  // 64 bits: no rounding
-        const auto mix = [&](int64_t u, int64_t v) { return u + std::llround(f * static_cast<long double>(v - u)); };
+        const auto mix = [&](int64_t u, int64_t v) {
+          return u + std::llround(f * static_cast<long double>(v - u));
+        };
         kept[out++] = {p.x + static_cast<int32_t>(std::lround(f * (n.x - p.x))),
-                       p.y + static_cast<int32_t>(std::lround(f * (n.y - p.y))), mix(p.z, n.z), mix(p.target, n.target)};
+                       p.y + static_cast<int32_t>(std::lround(f * (n.y - p.y))), mix(p.z, n.z),
+                       mix(p.target, n.target)};
       }
     }
     polygon = kept;
@@ -192,7 +204,8 @@ void ChunkMesher::skirt(bool vertical, int32_t at, int32_t from, bool outward_po
     parent_ = own_;
   }
   const auto drop = [&](int32_t i) {
-    const float top = std::ceil(std::max(own_[static_cast<size_t>(i - from)], parent_[static_cast<size_t>(i - from)]) + 0.5f);
+    const float top = std::ceil(
+        std::max(own_[static_cast<size_t>(i - from)], parent_[static_cast<size_t>(i - from)]) + 0.5f);
     return static_cast<int32_t>(top) - envelope_.low(vertical, at, i);
   };
   struct Knot {

@@ -26,8 +26,8 @@ struct ChunkMesh {
   std::vector<Vertex> vertices;   ///< surface first, then the bottoms of skirts
   std::vector<uint32_t> indices;  ///< triangles, counter-clockwise from above; surface first, then skirts
   uint32_t surface_vertices = 0, surface_indices = 0;
-  double error = 0.0;    ///< bound on the distance to the source, source units
-  bool rounded = false;  ///< some morph target or border vertex lies up to half a quantum off
+  double error = 0.0;             ///< bound on the distance to the source, source units
+  bool rounded = false;           ///< some morph target or border vertex lies up to half a quantum off
   int32_t low = 65535, high = 0;  ///< range of heights, targets and skirts, quanta
 };
 
@@ -75,7 +75,7 @@ class ChunkMesher {
   float limit_ = 0.0f, parent_limit_ = 0.0f, worst_ = 0.0f;
   std::vector<uint32_t> keys_, slots_;  // open addressing: local position -> vertex
   size_t mask_ = 0;
-  std::vector<float> own_, parent_;     // curves along an edge
+  std::vector<float> own_, parent_;  // curves along an edge
 };
 
 /// Height of a level's mesh along a grid line, at samples [from, to], which are multiples of the level's

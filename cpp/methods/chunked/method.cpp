@@ -15,18 +15,57 @@ namespace {
 std::vector<OptionSpec> option_table() {
   using enum Stage;
   return {
-      {"finest_error", 0.0, kBuild, "source units", "Error of the last level; 0 keeps every height up to the quantum.", {}, 0.0, 1e9},
-      {"leaf", int64_t{64}, kBuild, "samples", "Side of a chunk of the last level, a power of two.", {}, 4, 256},
-      {"chunk_triangles", int64_t{8192}, kBuild, "triangles",
-       "Mean triangles of a chunk that no level but the last exceeds; sets where errors start to double.", {}, 64, 65536},
+      {"finest_error",
+       0.0,
+       kBuild,
+       "source units",
+       "Error of the last level; 0 keeps every height up to the quantum.",
+       {},
+       0.0,
+       1e9},
+      {"leaf",
+       int64_t{64},
+       kBuild,
+       "samples",
+       "Side of a chunk of the last level, a power of two.",
+       {},
+       4,
+       256},
+      {"chunk_triangles",
+       int64_t{8192},
+       kBuild,
+       "triangles",
+       "Mean triangles of a chunk that no level but the last exceeds; sets where errors start to double.",
+       {},
+       64,
+       65536},
       {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
-      {"tau_max", 8.0, kBuild, "pixels", "Largest pixel error for which texels stay below a pixel (equation 7).", {}, 0.01, 1000.0},
-      {"projection", std::string("strict"), kDraw, "",
+      {"tau_max",
+       8.0,
+       kBuild,
+       "pixels",
+       "Largest pixel error for which texels stay below a pixel (equation 7).",
+       {},
+       0.01,
+       1000.0},
+      {"projection",
+       std::string("strict"),
+       kDraw,
+       "",
        "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
        {"strict", "vertical", "paper"}},
-      {"morph", std::string("true"), kDraw, "",
-       "Blend to the parent within the budget, by the paper's formula 4, or not at all.", {"true", "formula4", "false"}},
-      {"cracks", std::string("skirt"), kDraw, "", "Hide cracks between chunks by skirts, or show them.", {"skirt", "none"}},
+      {"morph",
+       std::string("true"),
+       kDraw,
+       "",
+       "Blend to the parent within the budget, by the paper's formula 4, or not at all.",
+       {"true", "formula4", "false"}},
+      {"cracks",
+       std::string("skirt"),
+       kDraw,
+       "",
+       "Hide cracks between chunks by skirts, or show them.",
+       {"skirt", "none"}},
       {"stream", true, kDraw, "", "Load chunks while flying; false loads all before the first frame.", {}},
       {"cpu_cache_mb", int64_t{256}, kDraw, "MiB", "Decoded chunks kept in main memory.", {}, 1, 1 << 20},
       {"gpu_cache_mb", int64_t{1024}, kDraw, "MiB", "Chunks kept on the GPU.", {}, 1, 1 << 20},
@@ -45,7 +84,8 @@ class Chunked : public Method {
                                   option_table()};
     return kInfo;
   }
-  void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress) const override {
+  void build(const Source& source, const Options& options, StoreWriter& writer,
+             const Progress& progress) const override {
     chunked::build(source, options, writer, progress);
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
@@ -56,15 +96,19 @@ class Chunked : public Method {
 }  // namespace
 
 ChunkedHierarchy::ChunkedHierarchy(std::shared_ptr<const Store> opened)
-    : store(std::move(opened)), frame(frame_from_json(store->meta().frame)), node(store->array_of<Node>("nodes")) {
+    : store(std::move(opened)),
+      frame(frame_from_json(store->meta().frame)),
+      node(store->array_of<Node>("nodes")) {
   const std::vector<double> stored = store->array_of<double>("quantizer");
   if (node.empty() || stored.size() != 2) throw StoreError("chunked: " + store->path() + " holds no nodes");
   quantizer.quantum = stored[0];
   quantizer.base = static_cast<int64_t>(stored[1]);
   for (size_t i = 0; i < node.size(); ++i) {
     const Node& n = node[i];
-    const bool linked = n.parent < static_cast<int32_t>(i) && (n.children == 0 || (n.first_child > i && n.first_child + n.children <= node.size()));
-    if (!linked) throw StoreError("chunked: node " + std::to_string(i) + " of " + store->path() + " is not a tree's");
+    const bool linked = n.parent < static_cast<int32_t>(i) &&
+                        (n.children == 0 || (n.first_child > i && n.first_child + n.children <= node.size()));
+    if (!linked)
+      throw StoreError("chunked: node " + std::to_string(i) + " of " + store->path() + " is not a tree's");
     roots += n.parent < 0;
     levels = std::max(levels, n.level + 1);
   }
@@ -77,7 +121,12 @@ std::vector<NodeInfo> ChunkedHierarchy::nodes() const {
   rows.reserve(node.size());
   for (size_t i = 0; i < node.size(); ++i) {
     const Node& n = node[i];
-    rows.push_back({static_cast<int64_t>(i), n.parent, n.level, 0, n.indices / 3, n.error,
+    rows.push_back({static_cast<int64_t>(i),
+                    n.parent,
+                    n.level,
+                    0,
+                    n.indices / 3,
+                    n.error,
                     {{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}});
   }
   return rows;

@@ -43,7 +43,8 @@ Residency::Residency(std::shared_ptr<const ChunkedHierarchy> hierarchy, bool str
   const int64_t total = geometry + texture;
   const auto mib = [](int64_t bytes) { return std::to_string((bytes + (1 << 20) - 1) >> 20); };
   if (!stream && total > gpu_bytes) {
-    throw InvalidInput("chunked: stream=false needs gpu_cache_mb of at least " + mib(total) + ", not " + mib(gpu_bytes));
+    throw InvalidInput("chunked: stream=false needs gpu_cache_mb of at least " + mib(total) + ", not " +
+                       mib(gpu_bytes));
   }
   if (stream && least + widest > gpu_bytes) {
     throw InvalidInput("chunked: the roots and one set of children need gpu_cache_mb of at least " +
@@ -74,8 +75,9 @@ bool Residency::children_resident(uint32_t node) const {
 }
 
 void Residency::want(std::vector<PageCache::Want> wants) {
-  std::stable_sort(wants.begin(), wants.end(),
-                   [](const PageCache::Want& a, const PageCache::Want& b) { return a.priority > b.priority; });
+  std::stable_sort(wants.begin(), wants.end(), [](const PageCache::Want& a, const PageCache::Want& b) {
+    return a.priority > b.priority;
+  });
   wanted_ = wants;
   const size_t count = wants.size();
   for (size_t i = 0; i < count; ++i) {

@@ -18,11 +18,13 @@ class Residency {
  public:
   /// stream=false: everything is resident from the first draw on; InvalidInput when that exceeds the GPU
   /// budget. stream=true: InvalidInput when the budget cannot hold the roots and one set of children.
-  Residency(std::shared_ptr<const ChunkedHierarchy> hierarchy, bool stream, int64_t cpu_bytes, int64_t gpu_bytes,
-            std::chrono::milliseconds fetch_delay);
+  Residency(std::shared_ptr<const ChunkedHierarchy> hierarchy, bool stream, int64_t cpu_bytes,
+            int64_t gpu_bytes, std::chrono::milliseconds fetch_delay);
 
   bool streams() const { return stream_; }
-  bool resident(uint32_t node) const { return !stream_ || place_[node].offset >= 0 || node < hierarchy_->roots; }
+  bool resident(uint32_t node) const {
+    return !stream_ || place_[node].offset >= 0 || node < hierarchy_->roots;
+  }
   bool children_resident(uint32_t node) const;
   void touch(uint32_t node) { place_[node].used = frame_; }
   void next_frame() { ++frame_; }
@@ -63,8 +65,8 @@ class Residency {
   int64_t capacity_ = 0, texture_capacity_ = 0, texture_used_ = 0;
   uint64_t frame_ = 1;
   std::vector<Place> place_;
-  std::vector<uint32_t> loaded_;          // resident nodes, any order
-  std::map<int64_t, int64_t> free_;       // offset -> bytes
+  std::vector<uint32_t> loaded_;     // resident nodes, any order
+  std::map<int64_t, int64_t> free_;  // offset -> bytes
   std::unique_ptr<PageCache> cache_;
   std::vector<PageCache::Want> wanted_;
 };

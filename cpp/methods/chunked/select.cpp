@@ -84,7 +84,8 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
     const Node& node = nodes[id];
     if (residency_.streams()) residency_.touch(id);
     const bool visible = camera.sees(box_of(node));
-    const bool wanted = visible && node.children > 0 && projector.project(node.error, projector.place(node)) > tau;
+    const bool wanted =
+        visible && node.children > 0 && projector.project(node.error, projector.place(node)) > tau;
     if (wanted && refinable(id)) {
       for (uint32_t c = 0; c < node.children; ++c) queue_.push_back(node.first_child + c);
     } else {
@@ -95,12 +96,15 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
 
 /// Refines the visible node with the largest projected error until the next does not fit. Culled nodes
 /// stay coarse: they are not submitted.
-void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut) {
+void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector,
+                                        const Budget& budget, Cut& cut) {
   const std::vector<Node>& nodes = hierarchy_->node;
   const double target = budget.pixel_error.value_or(0.0);
   const int64_t most_triangles = budget.triangles.value_or(std::numeric_limits<int64_t>::max());
   const int64_t most_nodes = budget.nodes.value_or(std::numeric_limits<int64_t>::max());
-  const auto less = [](const Candidate& a, const Candidate& b) { return less_urgent(a.rho, a.node, b.rho, b.node); };
+  const auto less = [](const Candidate& a, const Candidate& b) {
+    return less_urgent(a.rho, a.node, b.rho, b.node);
+  };
   heap_.clear();
   int64_t triangles = 0, visible_nodes = 0;
   const auto add = [&](uint32_t id) {
@@ -148,7 +152,8 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
     for (uint32_t c = 0; c < node.children; ++c) add(node.first_child + c);
   }
   for (const Candidate& rest : heap_) picked_.push_back({rest.node, 0, 1.0f, true, false});
-  std::sort(picked_.begin(), picked_.end(), [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
+  std::sort(picked_.begin(), picked_.end(),
+            [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
 }
 
 /// Morph weights, counts and the claim. Half-way between its own surface and its parent's a chunk is at
@@ -202,19 +207,23 @@ void ChunkedSession::request_children(const Cut& cut, const Projector& projector
 Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
   const std::vector<Node>& nodes = hierarchy_->node;
   if (!resolutions.empty() && resolutions.size() != ids.size()) {
-    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " + std::to_string(ids.size()) + " nodes");
+    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " +
+                       std::to_string(ids.size()) + " nodes");
   }
   for (size_t i = 0; i < resolutions.size(); ++i) {
     if (resolutions[i] != 0) {
-      throw InvalidInput("cut: resolution " + std::to_string(resolutions[i]) + " of node " + std::to_string(ids[i]) + ": a chunk has one, 0");
+      throw InvalidInput("cut: resolution " + std::to_string(resolutions[i]) + " of node " +
+                         std::to_string(ids[i]) + ": a chunk has one, 0");
     }
   }
   std::vector<uint8_t> chosen(nodes.size(), 0);
   for (const int64_t id : ids) {
     if (id < 0 || id >= static_cast<int64_t>(nodes.size())) {
-      throw InvalidInput("cut: node " + std::to_string(id) + " is not within 0 to " + std::to_string(nodes.size() - 1));
+      throw InvalidInput("cut: node " + std::to_string(id) + " is not within 0 to " +
+                         std::to_string(nodes.size() - 1));
     }
-    if (chosen[static_cast<size_t>(id)]++) throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
+    if (chosen[static_cast<size_t>(id)]++)
+      throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
   }
   // Ids rise with depth: a node is covered when an ancestor is chosen.
   std::vector<uint8_t> covered(nodes.size(), 0);
@@ -223,7 +232,8 @@ Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32
   cut.promises_bound = true;
   for (size_t i = 0; i < nodes.size(); ++i) {
     const Node& node = nodes[i];
-    covered[i] = node.parent >= 0 && (covered[static_cast<size_t>(node.parent)] || chosen[static_cast<size_t>(node.parent)]);
+    covered[i] = node.parent >= 0 &&
+                 (covered[static_cast<size_t>(node.parent)] || chosen[static_cast<size_t>(node.parent)]);
     if (chosen[i] && covered[i]) {
       throw InvalidInput("cut: node " + std::to_string(i) + " overlaps an ancestor that is also given");
     }

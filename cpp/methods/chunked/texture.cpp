@@ -26,7 +26,9 @@ ImageU8 half(const ImageU8& image) {
     for (int x = 0; x < out.width; ++x) {
       const int x0 = 2 * x, x1 = std::min(x0 + 1, image.width - 1);
       for (int c = 0; c < 4; ++c) {
-        const auto at = [&](int i, int j) { return int{image.samples[(static_cast<size_t>(j) * image.width + i) * 4 + c]}; };
+        const auto at = [&](int i, int j) {
+          return int{image.samples[(static_cast<size_t>(j) * image.width + i) * 4 + c]};
+        };
         out.samples[(static_cast<size_t>(y) * out.width + x) * 4 + c] =
             static_cast<uint8_t>((at(x0, y0) + at(x1, y0) + at(x0, y1) + at(x1, y1) + 2) / 4);
       }
@@ -52,9 +54,10 @@ TexturePyramid::TexturePyramid(const std::string& file, const HeightField& field
     const double wanted = geometric > 0.0 ? std::min(finest, spacing / geometric) : finest;
     const double texels = std::max(1.0, std::ceil(wanted * layout.side(level)));
     if (texels > kLargestSide) {
-      throw InvalidInput("chunked: attribute " + file + ": a chunk of level " + std::to_string(level) + " needs " +
-                         std::to_string(static_cast<int64_t>(texels)) + " texels a side, more than " +
-                         std::to_string(kLargestSide) + "; take a smaller tau_max");
+      throw InvalidInput("chunked: attribute " + file + ": a chunk of level " + std::to_string(level) +
+                         " needs " + std::to_string(static_cast<int64_t>(texels)) +
+                         " texels a side, more than " + std::to_string(kLargestSide) +
+                         "; take a smaller tau_max");
     }
     sides_.push_back(static_cast<int32_t>(std::bit_ceil(static_cast<uint32_t>(texels))));
   }
@@ -70,8 +73,11 @@ void TexturePyramid::sample(double u, double v, int mip, uint8_t* rgba) const {
   const int x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
   const double fx = x - x0, fy = y - y0;
   for (int c = 0; c < 4; ++c) {
-    const auto at = [&](int i, int j) { return double{image.samples[(static_cast<size_t>(j) * image.width + i) * 4 + c] * 1.0}; };
-    const double value = (1 - fy) * ((1 - fx) * at(x0, y0) + fx * at(x1, y0)) + fy * ((1 - fx) * at(x0, y1) + fx * at(x1, y1));
+    const auto at = [&](int i, int j) {
+      return double{image.samples[(static_cast<size_t>(j) * image.width + i) * 4 + c] * 1.0};
+    };
+    const double value =
+        (1 - fy) * ((1 - fx) * at(x0, y0) + fx * at(x1, y0)) + fy * ((1 - fx) * at(x0, y1) + fx * at(x1, y1));
     rgba[c] = static_cast<uint8_t>(std::lround(value));
   }
 }
@@ -85,19 +91,22 @@ Bytes TexturePyramid::page(int level, int32_t row, int32_t col) const {
   for (int32_t y = 0; y <= side; ++y) {
     const double v = (row + y * step + 0.5) * texels_y_ - 0.5;
     for (int32_t x = 0; x <= side; ++x) {
-      sample((col + x * step + 0.5) * texels_x_ - 0.5, v, mip, &texels[(static_cast<size_t>(y) * (side + 1) + x) * 4]);
+      sample((col + x * step + 0.5) * texels_x_ - 0.5, v, mip,
+             &texels[(static_cast<size_t>(y) * (side + 1) + x) * 4]);
     }
   }
   const size_t count = texels.size() / 4;
   Bytes out(meshopt_encodeVertexBufferBound(count, 4));
-  out.resize(meshopt_encodeVertexBuffer(reinterpret_cast<unsigned char*>(out.data()), out.size(), texels.data(), count, 4));
+  out.resize(meshopt_encodeVertexBuffer(reinterpret_cast<unsigned char*>(out.data()), out.size(),
+                                        texels.data(), count, 4));
   return out;
 }
 
 Bytes decode_texture(const Bytes& stored, int32_t side) {
   const size_t count = static_cast<size_t>(side + 1) * (side + 1);
   Bytes out(count * 4);
-  if (meshopt_decodeVertexBuffer(out.data(), count, 4, reinterpret_cast<const unsigned char*>(stored.data()), stored.size()) != 0) {
+  if (meshopt_decodeVertexBuffer(out.data(), count, 4, reinterpret_cast<const unsigned char*>(stored.data()),
+                                 stored.size()) != 0) {
     throw StoreError("chunked: a texture page does not decode");
   }
   return out;

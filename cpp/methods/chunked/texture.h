@@ -17,8 +17,8 @@ class TexturePyramid {
  public:
   /// Reads the raster and its half-resolution levels; an empty file name makes an inactive pyramid.
   /// InvalidInput when the rule asks for textures beyond 4096 texels.
-  TexturePyramid(const std::string& file, const HeightField& field, const Layout& layout, const Levels& levels,
-                 double tau_max);
+  TexturePyramid(const std::string& file, const HeightField& field, const Layout& layout,
+                 const Levels& levels, double tau_max);
 
   bool active() const { return !mips_.empty(); }
   /// Cells of texels along a chunk of this level; a texture has one more each way.
