@@ -198,7 +198,9 @@ class MethodContract:
         field = lod.HeightField(FIELDS["smallest"]())
         folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
         folder.mkdir(exist_ok=True)
-        return lod.build(field, self.method, folder / f"{self.method}.lod", progress=False, mode="force").core.session({})
+        return lod.build(field, self.method, folder / f"{self.method}.lod", progress=False, mode="force").core.session(
+            {}
+        )
 
     # Law 3
 

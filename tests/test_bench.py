@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from lodlab import _core, bench, datasets
-from lodlab.paths import CameraPath
 from lodlab.errors import InvalidInput
+from lodlab.paths import CameraPath
 
 FIELDS = {
     "bench", "case", "value", "unit", "reference", "reference_value", "ratio", "device", "commit", "options", "seed",

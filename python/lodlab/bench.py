@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from . import _core, datasets, results
-from .paths import CameraPath
 from .errors import InvalidInput
+from .paths import CameraPath
 
 SIZE = (1280, 720)
 SEED = 1
@@ -156,7 +156,9 @@ def _draw(lab: Lab) -> Iterable[Record]:
 
 
 def _draw_case(name: str, store: Any, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:
-    times = interleaved(lambda: session.time_draw(cut, view, discard), lambda: reference.time_draw(view, discard), PAIRS)
+    times = interleaved(
+        lambda: session.time_draw(cut, view, discard), lambda: reference.time_draw(view, discard), PAIRS
+    )
     ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
     ours, theirs = np.median(times, axis=0)
     return _record(

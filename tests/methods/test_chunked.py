@@ -59,7 +59,9 @@ def largest_jump(store, terrain, instrument, **options: object) -> tuple[float, 
         jump = instrument.jump(session, above, below, view)
         worst = max(worst, jump[0])
         nearest = min(distance(nodes[n], view.eye) for n in above.nodes["node"][above.nodes["visible"]])
-        quantum_px = max(quantum_px, store.info()["quantum"] * 640 / 2 / np.tan(np.radians(30)) / max(nearest, view.near))
+        quantum_px = max(
+            quantum_px, store.info()["quantum"] * 640 / 2 / np.tan(np.radians(30)) / max(nearest, view.near)
+        )
         del before, after
     return worst, quantum_px
 
