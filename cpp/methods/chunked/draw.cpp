@@ -20,11 +20,10 @@ namespace {
 
 constexpr int64_t kUploadPerFrame = 8 << 20;  // bytes a streaming frame may move
 
-/// Instanced attributes of one chunk (chunk.vert).
+/// Instanced attributes of one chunk (chunk.vert): what every pass needs in one fetch, the rest in another.
 struct Instance {
-  int32_t col, row;
+  float col, row, morph;
   uint32_t skirt_begin, node;
-  float morph;
   uint32_t square;  // side << 8 | level
 };
 
@@ -52,9 +51,8 @@ struct ChunkedSession::Gpu {
         field(render::make_field_resources(tree.frame, tree.store->page(kCoverage, 0))),
         program({{"vertex", "chunked/chunk.vert"}}) {
     arrays.integers(0, 0, 4, GL_UNSIGNED_SHORT, 0);
-    arrays.integers(1, 1, 4, GL_INT, 0);
-    arrays.floats(2, 1, 1, GL_FLOAT, 16);
-    arrays.integers(3, 1, 1, GL_UNSIGNED_INT, 20);
+    arrays.floats(1, 1, 3, GL_FLOAT, 0);
+    arrays.integers(2, 1, 3, GL_UNSIGNED_INT, 12);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
     arrays.source(0, geometry, 0, sizeof(Vertex));
     arrays.indices(geometry);
@@ -151,8 +149,8 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
     const uint32_t count = skirts_ ? node.indices : node.surface_indices;
     gpu.command_data.push_back({count, 1, static_cast<uint32_t>(first_index), base_vertex,
                                 static_cast<uint32_t>(gpu.instance_data.size())});
-    gpu.instance_data.push_back({node.col, node.row, static_cast<uint32_t>(base_vertex) + node.surface_vertices,
-                                 picked.node, picked.morph,
+    gpu.instance_data.push_back({static_cast<float>(node.col), static_cast<float>(node.row), picked.morph,
+                                 static_cast<uint32_t>(base_vertex) + node.surface_vertices, picked.node,
                                  static_cast<uint32_t>(tree.root_side >> node.level) << 8 | node.level});
     pass.submitted.triangles += count / 3;
     pass.submitted.filler_triangles += (count - node.surface_indices) / 3;

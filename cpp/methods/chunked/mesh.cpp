@@ -66,7 +66,7 @@ uint32_t ChunkMesher::vertex(int32_t x, int32_t y, int32_t z, int64_t target) {
   return index;
 }
 
-ChunkMesher::Corner ChunkMesher::corner(int32_t x, int32_t y) const { return {x, y, grid_.k(x, y) * kOne}; }
+ChunkMesher::Corner ChunkMesher::corner(int32_t x, int32_t y) const { return {x, y, grid_.k(x, y) * kOne, 0}; }
 
 const ChunkMesh& ChunkMesher::build(int level, int32_t x, int32_t y) {
   const Layout& layout = grid_.layout();
@@ -116,34 +116,48 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
   const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
   const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
   const Layout& layout = grid_.layout();
-  if (x0 >= std::min(x_ + side_, layout.width) || y0 >= std::min(y_ + side_, layout.height) || x1 <= x_ ||
-      y1 <= y_) {
+  const int32_t x_end = x_ + side_, y_end = y_ + side_;
+  if (x0 >= std::min(x_end, layout.width) || y0 >= std::min(y_end, layout.height) || x1 <= x_ || y1 <= y_) return;
+  const bool in_chunk = x0 >= x_ && x1 <= x_end && y0 >= y_ && y1 <= y_end;
+  if (in_chunk && x1 <= layout.width && y1 <= layout.height) {
+    const auto place = [&](Corner p) {
+      p.index = vertex(p.x, p.y, grid_.k(p.x, p.y), p.target);
+      return p;
+    };
+    bisect(place(a), place(b), place(c), in_parent);
     return;
   }
   const int32_t mx = (b.x + c.x) / 2, my = (b.y + c.y) / 2;
-  const bool forced =
-      x1 - x0 > side_ || y1 - y0 > side_ || (x0 < x_ || x1 > x_ + side_ || y0 < y_ || y1 > y_ + side_);
-  const bool divisible = std::max(std::abs(b.x - c.x), std::abs(b.y - c.y)) > 1;
-  const float error = divisible ? grid_.error(mx, my) : 0.0f;
-  if (!forced && !(error > limit_)) {
+  const float error = ((b.x ^ c.x) | (b.y ^ c.y)) & 1 ? 0.0f : grid_.error(mx, my);
+  if (in_chunk && !(error > limit_)) {
     worst_ = std::max(worst_, error);
-    if (x1 <= layout.width && y1 <= layout.height) {
-      emit(a, b, c);
-    } else {
-      emit_clipped(a, b, c);
-    }
+    emit_clipped(a, b, c);
     return;
   }
-  Corner m{mx, my, 0};
   in_parent = in_parent || !(error > parent_limit_);
-  m.target = in_parent ? (b.target + c.target) / 2 : grid_.k(mx, my) * kOne;
+  const Corner m{mx, my, in_parent ? (b.target + c.target) / 2 : grid_.k(mx, my) * kOne, 0};
   split(m, a, b, in_parent);
   split(m, c, a, in_parent);
 }
 
-void ChunkMesher::emit(const Corner& a, const Corner& b, const Corner& c) {
-  for (const Corner* p : {&a, &b, &c})
-    mesh_.indices.push_back(vertex(p->x, p->y, grid_.k(p->x, p->y), p->target));
+/// The same for a triangle inside chunk and field: nothing to test but the error.
+void ChunkMesher::bisect(const Corner& a, const Corner& b, const Corner& c, bool in_parent) {
+  const bool divisible = (((b.x ^ c.x) | (b.y ^ c.y)) & 1) == 0;
+  const int32_t mx = (b.x + c.x) / 2, my = (b.y + c.y) / 2;
+  const float error = divisible ? grid_.error(mx, my) : 0.0f;
+  if (!(error > limit_)) {
+    worst_ = std::max(worst_, error);
+    mesh_.indices.push_back(a.index);
+    mesh_.indices.push_back(b.index);
+    mesh_.indices.push_back(c.index);
+    return;
+  }
+  in_parent = in_parent || !(error > parent_limit_);
+  const int32_t z = grid_.k(mx, my);
+  Corner m{mx, my, in_parent ? (b.target + c.target) / 2 : z * kOne, 0};
+  m.index = vertex(mx, my, z, m.target);
+  bisect(m, a, b, in_parent);
+  bisect(m, c, a, in_parent);
 }
 
 void ChunkMesher::emit_clipped(const Corner& a, const Corner& b, const Corner& c) {
