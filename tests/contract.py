@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 
 import lodlab as lod
 from lodlab import _core
+from tests.pictures import assert_same_picture
 
 PIXEL_SLACK = 0.01  # px; with float steps the one slack of the laws
 
@@ -213,6 +214,22 @@ class MethodContract:
         row = made.measure(session, cut, view)
         capture = session.capture(cut, view)
         assert row["measured_max"] <= made.store.info()["quantum"] + float_slack(capture, view)
+
+    def test_finest_cut_looks_like_the_source(self, made: Measured) -> None:
+        if not self.info["reproduces_source"]:
+            pytest.skip(f"{self.method} resamples")
+        session, view = made.session(), over(made.field, size=(320, 200))
+        nodes = made.store.nodes
+        cut = session.cut(self.level_cut(nodes, nodes["level"].max()), None)
+        reference = made.full.draw(made.full.select(view, _core.Budget(pixel_error=1.0)), view)
+        assert_same_picture(
+            session.draw(cut, view).image,
+            reference.image,
+            f"{self.method}-finest",
+            level=6,
+            share=0.004,
+            why="heights are rounded to the quantum, which tilts normals; edges may fall on other pixels",
+        )
 
     # Law 4
 

@@ -50,7 +50,9 @@ CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
   block.eye_world[3] = static_cast<float>(frame.radius);
   block.planet[3] = frame.radius;
   block.tint[0] = static_cast<float>(frame.z_min);
-  block.tint[1] = static_cast<float>(frame.z_max);
+  // A flat field has one tint, not that of its rounding.
+  const double magnitude = std::max({1.0, std::abs(frame.z_min), std::abs(frame.z_max)});
+  block.tint[1] = static_cast<float>(std::max(frame.z_max, frame.z_min + 1e-2 * magnitude));
   block.tint[2] = frame.z_min < 0.0 && frame.z_max > 0.0 ? 1.0f : 0.0f;
   block.cells[0] = static_cast<int32_t>(cell_columns(frame));
   block.cells[1] = static_cast<int32_t>(frame.rows - 1);

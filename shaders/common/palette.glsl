@@ -35,5 +35,5 @@ vec3 height_tint(float z, vec3 range) {
   if (range.z != 0.0) {
     return z < 0.0 ? sea_tint(z / range.x) : land_tint(sqrt(z / range.y));
   }
-  return land_tint((z - range.x) / max(range.y - range.x, 1e-6));
+  return land_tint((z - range.x) / (range.y - range.x));
 }
