@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import charts, pictures, report, results
+from lodlab import charts, labels, pictures, report, results
 from lodlab.errors import InvalidInput
 
 CONFIG = {
@@ -197,6 +197,18 @@ def test_series_are_named_by_what_varies(swept):
     assert [s.baseline for s in charts.series_of(both)] == [True, False, False]
     looks = charts.dress(charts.series_of(both), "light")
     assert len({colour for colour, _ in looks.values()}) == 3 and len({marker for _, marker in looks.values()}) == 3
+
+
+def test_labels_do_not_cover_points_or_each_other():
+    curves = [np.array([(40.0 + 30 * i, 200.0 - 35 * i) for i in range(5)]) + (0.0, -12.0 * k) for k in range(2)]
+    made = [labels.Label("8 px", *point, 8.0) for curve in curves for point in curve]
+    made += [labels.Label(name, *c[0], 10.0, labels.ABOVE) for name, c in zip(("one", "two"), curves, strict=True)]
+    labels.place(made, curves, (232.0, 228.0))
+    boxes = np.array([label.box(label.dx, label.dy) for label in made])
+    points = np.vstack(curves)
+    for i, box in enumerate(boxes):
+        assert labels._covered(box, np.delete(boxes, i, axis=0)) == 0.0, made[i]
+        assert labels._covered(box, np.hstack([points - 2.0, points + 2.0])) == 0.0, made[i]
 
 
 def test_charts_refuse_what_they_cannot_show(swept, tmp_path):

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InvalidInput
+from .labels import ABOVE, Label, place
 from .results import SUMMARY_COLUMNS, short_source, table, write_atomic
 from .runs import Run
 from .sweeps import Sweep
@@ -35,6 +36,7 @@ INK = {
 }
 RESOLVED = 0.01  # pixels: the slack of the laws; errors below it stand on the line of zero
 BASELINE = "full"
+PANEL = (232.0, 228.0)  # points: the size of one panel of `pareto`, near enough to place labels
 
 
 class Chart:
@@ -234,6 +236,7 @@ def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, theme: str) -> Non
         ax.set_xlim(left, right)
         for item in series:
             _curve(ax, item, column, scale, spread, *look[item.label], ink)
+        _label(ax, series, column, scale, look, ink)
         _ticks(ax, scale)
     axes[0].set_ylabel("worst measured error (px)")
     axes[0].set_title(name, loc="left", fontsize=10.5, fontweight="bold")
@@ -276,16 +279,32 @@ def _curve(
         x, y, color=colour, marker=marker, markersize=11 if item.baseline else 6.5, linewidth=1.8,
         markeredgecolor=ink["page"], markeredgewidth=0.8, clip_on=False, zorder=3,
     )  # fmt: skip
-    if item.baseline:
-        ax.annotate(item.label, (x[-1], y[-1]), xytext=(0, 8), textcoords="offset points", ha="center",
-                    color=colour, fontweight="bold", zorder=4)  # fmt: skip
-        return
-    for (_, row), px, py in zip(item.points.iterrows(), x, y, strict=True):
-        ax.annotate(budget_label(row), (px, py), xytext=(7, 3), textcoords="offset points", fontsize=8,
-                    color=ink["faint"], zorder=4)  # fmt: skip
-    end = int(np.argmax(y))
-    ax.annotate(item.label, (x[end], y[end]), xytext=(0, 15), textcoords="offset points", ha="center",
-                color=colour, fontweight="bold", zorder=4)  # fmt: skip
+
+
+def _label(ax: Any, series: list[Series], column: str, scale: _ErrorScale, look: Any, ink: Any) -> None:
+    """Budgets at their points, methods at the end of their curves."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+
+    def spot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        across = np.log(x / left) / math.log(right / left) * PANEL[0]
+        return np.column_stack([across, np.log(y / low) / math.log(high / low) * PANEL[1]])
+
+    curves, ends, budgets = [], [], []
+    for item in series:
+        y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
+        curve = spot(item.points[f"{column}_median"].to_numpy(float), y)
+        end = int(np.argmax(y))
+        ends.append((Label(item.label, *curve[end], 10.0, ABOVE), look[item.label][0], "bold"))
+        if not item.baseline:
+            texts = [budget_label(row) for _, row in item.points.iterrows()]
+            budgets += [(Label(t, *c, 8.0), ink["faint"], "normal") for t, c in zip(texts, curve, strict=True)]
+        curves.append(curve)
+    ends.sort(key=lambda end: -end[0].y)
+    place([label for label, _, _ in budgets + ends], curves, PANEL)
+    for label, colour, weight in budgets + ends:
+        at = ((label.x + label.dx) / PANEL[0], (label.y + label.dy) / PANEL[1])
+        ax.text(*at, label.text, transform=ax.transAxes, fontsize=label.size, color=colour, fontweight=weight,
+                ha="center", va="center", zorder=4)  # fmt: skip
 
 
 def _ticks(ax: Any, scale: _ErrorScale) -> None:
@@ -366,7 +385,7 @@ def _shades(names: list[str], summary: Any, theme: str) -> dict[str, str]:
         base = np.array(to_rgb(look[item.label][0]))
         runs = item.points["run"].tolist()
         for i, run in enumerate(runs):
-            out[run] = to_hex(base + (page - base) * 0.55 * i / max(1, len(runs) - 1))
+            out[run] = to_hex(base + (page - base) * 0.45 * i / max(1, len(runs) - 1))
     return out
 
 

@@ -318,7 +318,7 @@ _PARETO_CAPTION = (
     "sample of the source and the drawn surface, over the measured frames. Thin bars reach from the 5th to the 95th "
     "percentile of the run's frames. Runs on the dashed line measure zero (below the slack of 0.01 px)."
 )
-_TIMELINE_CAPTION = "Darker is a smaller error budget. Points below their line: the promise holds."
+_TIMELINE_CAPTION = "The stronger the colour, the smaller the error budget. A point below its line: the promise holds."
 _TABLE_NOTE = (
     "Times and counts are medians over the frames of a run; errors are the worst over its measured frames. "
     "Every figure of every frame is in <code>frames.csv</code>."
