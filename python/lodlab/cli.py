@@ -363,13 +363,14 @@ def compare_command(
 
 @app.command("sweep", epilog="Example: lodlab sweep runs/demo/config.toml --out runs/again --jobs 2")
 def sweep_command(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="As the config.toml of any run directory.")],
+    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="As docs/sweeps.md says; any run's config.toml.")],
     out: OutFolder,
     jobs: Jobs = 1,
 ) -> None:
     """Runs over a grid that a file describes.
 
-    Sources, paths, methods, options and budgets. Goes on where it was stopped, and ends with the report.
+    Sources, paths, methods, options and budgets: see docs/sweeps.md, or the config.toml of any run directory. Goes
+    on where it was stopped, and ends with the report.
     """
     finish(lodlab.sweep(config, out=out, jobs=jobs), out)
 
