@@ -193,10 +193,18 @@ def test_series_are_named_by_what_varies(swept):
 
     both = pd.concat([summary, other], ignore_index=True)
     labels = [s.label for s in charts.series_of(both)]
-    assert labels == ["full", "chunked, morph true", "chunked, morph false"]
+    assert labels == ["full", "morph true", "morph false"]
     assert [s.baseline for s in charts.series_of(both)] == [True, False, False]
     looks = charts.dress(charts.series_of(both), "light")
     assert len({colour for colour, _ in looks.values()}) == 3 and len({marker for _, marker in looks.values()}) == 3
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(10, 200, [10, 20, 50, 100, 200]), (4.0, 9.0, [4, 5, 6, 8]), (1, 1e5, [1, 10, 100, 1e3, 1e4, 1e5])],
+)
+def test_axes_have_round_marks(low, high, expected):
+    assert charts.round_numbers(low, high, 6) == pytest.approx(expected)
 
 
 def test_labels_do_not_cover_points_or_each_other():

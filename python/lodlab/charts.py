@@ -136,14 +136,15 @@ def series_of(summary: Any) -> list[Series]:
         known = sets.setdefault(method, [])
         if options not in known:
             known.append(options)
-    out = []
+    out: list[Series] = []
+    several = len([m for m in sets if m != BASELINE]) > 1
     for method, option_sets in sets.items():
         parsed = [json.loads(text) for text in option_sets]
         varied = [k for k in parsed[0] if len({json.dumps(p.get(k)) for p in parsed}) > 1]
         for text, values in zip(option_sets, parsed, strict=True):
             rows = summary[(summary["method"] == method) & (summary["options"] == text)]
             rows = rows.sort_values(["budget_pixel_error", "budget_triangles", "budget_nodes"])
-            label = ", ".join([method, *(f"{k} {values[k]}" for k in varied)])
+            label = ", ".join([*([method] if several or not varied else []), *(f"{k} {values[k]}" for k in varied)])
             baseline = rows[["budget_pixel_error", "budget_triangles", "budget_nodes"]].isna().all(axis=None)
             out.append(Series(label, method, rows, bool(baseline)))
     return out
@@ -325,12 +326,15 @@ def _ticks(ax: Any, scale: _ErrorScale) -> None:
 
 
 def round_numbers(low: float, high: float, most: int) -> list[float]:
-    """Marks of a logarithmic axis: 1, 2, 5 a decade, or fewer where that were too many."""
-    for steps in ((1, 2, 5), (1, 3), (1,)):
-        marks = [m * 10.0**e for e in range(-9, 13) for m in steps if low <= m * 10.0**e <= high]
-        if len(marks) <= most:
-            return marks
-    return marks
+    """Marks of a logarithmic axis: 1, 2, 5 a decade; fewer where that were too many, more where too few."""
+
+    def marks(steps: tuple[float, ...]) -> list[float]:
+        return [m * 10.0**e for e in range(-9, 13) for m in steps if low <= m * 10.0**e <= high]
+
+    usual = marks((1, 2, 5))
+    if len(usual) < 2:
+        return marks((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+    return next((found for found in (usual, marks((1, 3))) if len(found) <= most), marks((1,)))
 
 
 # ---- timeline -------------------------------------------------------------------------------------

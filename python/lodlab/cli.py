@@ -363,7 +363,7 @@ def compare_command(
 
 @app.command("sweep", epilog="Example: lodlab sweep runs/demo/config.toml --out runs/again --jobs 2")
 def sweep_command(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="As docs/sweeps.md says; any run's config.toml.")],
+    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="See docs/sweeps.md.")],
     out: OutFolder,
     jobs: Jobs = 1,
 ) -> None:
