@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The command line: a thin layer over the Python face. Exit status: 0 done; 1 something failed or a check did
 not hold; 2 the user's mistake; 130 stopped by Ctrl-C. `LODLAB_DEBUG=1` shows the traceback of any error.
+
+Longer than other files because every command declares its arguments here, each on its line.
 """
 
 from __future__ import annotations
