@@ -96,17 +96,20 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
       options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
       residency_(hierarchy_, options.flag("stream"), options.integer("cpu_cache_mb") << 20,
-                 options.integer("gpu_cache_mb") << 20, std::chrono::milliseconds(options.integer("fetch_delay_ms"))) {
+                 options.integer("gpu_cache_mb") << 20,
+                 std::chrono::milliseconds(options.integer("fetch_delay_ms"))) {
   const std::string& projection = options.text("projection");
-  projection_ = projection == "paper" ? Projection::kPaper
-                : projection == "vertical" ? Projection::kVertical : Projection::kStrict;
+  projection_ = projection == "paper"      ? Projection::kPaper
+                : projection == "vertical" ? Projection::kVertical
+                                           : Projection::kStrict;
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
 }
 
 ChunkedSession::~ChunkedSession() = default;
 
-std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options) {
+std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hierarchy,
+                                      const Options& options) {
   return std::make_unique<ChunkedSession>(std::move(hierarchy), options);
 }
 
@@ -138,7 +141,8 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
       const auto upload = residency_.admit(picked.node, true, dropped);
       gpu.drop(tree, dropped);
       if (!upload) {
-        throw Unsupported("chunked: gpu_cache_mb cannot hold this cut of " + std::to_string(cut.nodes.size()) + " nodes");
+        throw Unsupported("chunked: gpu_cache_mb cannot hold this cut of " +
+                          std::to_string(cut.nodes.size()) + " nodes");
       }
       gpu.upload(tree, *upload, pass.submitted);
     }
@@ -162,7 +166,8 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
       gpu.reserve(gpu.instance_data.size() * 2);
     }
     gpu.instances.upload(0, as_bytes(gpu.instance_data));
-    pass.submitted.upload_bytes += static_cast<int64_t>(gpu.instance_data.size() * (sizeof(Instance) + sizeof(Command)));
+    pass.submitted.upload_bytes +=
+        static_cast<int64_t>(gpu.instance_data.size() * (sizeof(Instance) + sizeof(Command)));
     const bool textured = !gpu.textures.empty();
     const unsigned program = pass.use(gpu.program, *gpu.field, textured);
     glUniform2f(glGetUniformLocation(program, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
@@ -172,7 +177,8 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
     if (!textured) {
       gpu.commands.upload(0, as_bytes(gpu.command_data));
       glBindBuffer(GL_DRAW_INDIRECT_BUFFER, gpu.commands.id());
-      glMultiDrawElementsIndirect(GL_TRIANGLES, type, nullptr, static_cast<GLsizei>(gpu.command_data.size()), 0);
+      glMultiDrawElementsIndirect(GL_TRIANGLES, type, nullptr, static_cast<GLsizei>(gpu.command_data.size()),
+                                  0);
       gl::check("glMultiDrawElementsIndirect");
       pass.submitted.draw_calls += 1;
     } else {
@@ -184,8 +190,9 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
         glUniform1f(texels, static_cast<float>(node.texture_side));
         glDrawElementsInstancedBaseVertexBaseInstance(
             GL_TRIANGLES, static_cast<GLsizei>(c.count), type,
-            reinterpret_cast<const void*>(static_cast<uintptr_t>(c.first_index) * static_cast<uintptr_t>(tree.index_bytes)), 1,
-            c.base_vertex, c.base_instance);
+            reinterpret_cast<const void*>(static_cast<uintptr_t>(c.first_index) *
+                                          static_cast<uintptr_t>(tree.index_bytes)),
+            1, c.base_vertex, c.base_instance);
       }
       gl::check("glDrawElementsInstancedBaseVertexBaseInstance");
       pass.submitted.draw_calls += static_cast<int64_t>(gpu.command_data.size());

@@ -66,7 +66,9 @@ uint32_t ChunkMesher::vertex(int32_t x, int32_t y, int32_t z, int64_t target) {
   return index;
 }
 
-ChunkMesher::Corner ChunkMesher::corner(int32_t x, int32_t y) const { return {x, y, grid_.k(x, y) * kOne, 0}; }
+ChunkMesher::Corner ChunkMesher::corner(int32_t x, int32_t y) const {
+  return {x, y, grid_.k(x, y) * kOne, 0};
+}
 
 const ChunkMesh& ChunkMesher::build(int level, int32_t x, int32_t y) {
   const Layout& layout = grid_.layout();
@@ -117,7 +119,8 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
   const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
   const Layout& layout = grid_.layout();
   const int32_t x_end = x_ + side_, y_end = y_ + side_;
-  if (x0 >= std::min(x_end, layout.width) || y0 >= std::min(y_end, layout.height) || x1 <= x_ || y1 <= y_) return;
+  if (x0 >= std::min(x_end, layout.width) || y0 >= std::min(y_end, layout.height) || x1 <= x_ || y1 <= y_)
+    return;
   const bool in_chunk = x0 >= x_ && x1 <= x_end && y0 >= y_ && y1 <= y_end;
   if (in_chunk && x1 <= layout.width && y1 <= layout.height) {
     const auto place = [&](Corner p) {

@@ -26,7 +26,8 @@ void decode_indices(const StoredHead& head, const unsigned char* data, std::byte
 Bytes encode_page(const ChunkMesh& mesh) {
   // Only the surface is reordered; skirts keep their order along the edge and their bottoms come last.
   std::vector<uint32_t> indices(mesh.indices);
-  meshopt_optimizeVertexCacheStrip(indices.data(), mesh.indices.data(), mesh.surface_indices, mesh.surface_vertices);
+  meshopt_optimizeVertexCacheStrip(indices.data(), mesh.indices.data(), mesh.surface_indices,
+                                   mesh.surface_vertices);
   std::vector<uint32_t> remap(mesh.surface_vertices);
   meshopt_optimizeVertexFetchRemap(remap.data(), indices.data(), mesh.surface_indices, mesh.surface_vertices);
   std::vector<Vertex> vertices(mesh.vertices);
@@ -54,7 +55,8 @@ Bytes encode_page(const ChunkMesh& mesh) {
 Bytes decode_page(const Bytes& stored, int index_bytes) {
   StoredHead head{};
   if (stored.size() >= sizeof head) std::memcpy(&head, stored.data(), sizeof head);
-  bool ok = stored.size() >= sizeof head && stored.size() == sizeof head + size_t{head.vertex_bytes} + head.index_bytes;
+  bool ok = stored.size() >= sizeof head &&
+            stored.size() == sizeof head + size_t{head.vertex_bytes} + head.index_bytes;
   if (!ok) throw StoreError("chunked: a page of " + std::to_string(stored.size()) + " bytes is not a chunk");
   const size_t vertex_size = size_t{head.page.vertices} * sizeof(Vertex);
   Bytes out(sizeof(PageHead) + vertex_size + size_t{head.page.indices} * static_cast<size_t>(index_bytes));
