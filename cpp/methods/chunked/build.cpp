@@ -22,9 +22,7 @@ namespace {
 Levels choose_levels(const Grid& grid, double finest_error, double chunk_triangles) {
   const Layout& layout = grid.layout();
   const Quantizer& q = grid.quantizer();
-  std::vector<float> ladder;  // candidate limits, quanta: sixteen an octave
-  for (int i = 0; i <= 20 * 16; ++i) ladder.push_back(std::exp2(static_cast<float>(i) / 16.0f - 2.0f));
-  const std::vector<int64_t> kept = grid.count_above(ladder);
+  const std::vector<int64_t> above = grid.count_by_class();
   const auto limit_of = [&](double delta) {
     return static_cast<float>(std::max(0.0, delta - q.residual) / q.quantum);
   };
@@ -38,9 +36,9 @@ Levels choose_levels(const Grid& grid, double finest_error, double chunk_triangl
       const double chunks = std::ceil(layout.width / side) * std::ceil(layout.height / side);
       // A kept vertex makes about two triangles.
       const auto target = static_cast<int64_t>(0.5 * chunk_triangles * chunks);
-      const auto fits = std::find_if(kept.begin(), kept.end(), [&](int64_t n) { return n <= target; });
-      const double wanted =
-          ladder[static_cast<size_t>(std::min(fits, kept.end() - 1) - kept.begin())] * q.quantum + q.residual;
+      const auto fits = std::find_if(above.begin(), above.end(), [&](int64_t n) { return n <= target; });
+      const float limit = least_of_class(static_cast<size_t>(std::min(fits, above.end() - 1) - above.begin()));
+      const double wanted = std::max(limit, 0.25f) * q.quantum + q.residual;
       delta = std::max(2.0 * delta, wanted);
     }
     levels.delta[static_cast<size_t>(level)] = delta;

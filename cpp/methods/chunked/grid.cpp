@@ -4,6 +4,7 @@
 #include "methods/chunked/grid.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <mutex>
 
@@ -34,6 +35,9 @@ Quantizer make_quantizer(const HeightField& field) {
   q.base = std::llround(field.z_min / q.quantum) - kFloor;
   return q;
 }
+
+/// Rows shorter than this are not worth the call into the vectorized loop.
+constexpr int32_t kShortRow = 12;
 
 /// Largest |k[i] - (p + g i)| for i in [0, count).
 __attribute__((target_clones("avx2", "default"))) float row_error(const uint16_t* k, int32_t count, float p,
@@ -103,7 +107,14 @@ class ErrorPass {
       if (right < left) continue;
       const float p = plane.z + plane.gx * static_cast<float>(left - plane.x) +
                       plane.gy * static_cast<float>(y - plane.y);
-      worst = std::max(worst, row_error(grid_.row(y) + left, right - left + 1, p, plane.gx));
+      const uint16_t* k = grid_.row(y) + left;
+      if (right - left + 1 >= kShortRow) {
+        worst = std::max(worst, row_error(k, right - left + 1, p, plane.gx));
+        continue;
+      }
+      for (int32_t x = 0; x <= right - left; ++x) {
+        worst = std::max(worst, std::fabs(static_cast<float>(k[x]) - (p + plane.gx * static_cast<float>(x))));
+      }
     }
     return worst;
   }
@@ -242,21 +253,19 @@ Grid::Grid(const HeightField& field, const Layout& layout)
   ErrorPass(*this).run();
 }
 
-std::vector<int64_t> Grid::count_above(const std::vector<float>& limits) const {
-  std::vector<int64_t> counts(limits.size(), 0);
+std::vector<int64_t> Grid::count_by_class() const {
+  std::vector<int64_t> counts(kErrorClasses, 0);
   std::mutex mutex;
   parallel_for(layout_.height + 1, 256, [&](int64_t begin, int64_t end) {
-    std::vector<int64_t> mine(limits.size() + 1, 0);
+    std::vector<int64_t> mine(kErrorClasses, 0);
     for (int64_t y = begin; y < end; ++y) {
       const float* e = &fine_[static_cast<size_t>(y) * fine_width_];
-      for (int32_t x = 0; x <= layout_.width; ++x) {
-        mine[static_cast<size_t>(std::lower_bound(limits.begin(), limits.end(), e[x]) - limits.begin())]++;
-      }
+      for (int32_t x = 0; x <= layout_.width; ++x) ++mine[std::bit_cast<uint32_t>(e[x]) >> kClassShift];
     }
-    int64_t sum = 0;
     const std::lock_guard lock(mutex);
-    for (size_t i = limits.size(); i-- > 0;) counts[i] += sum += mine[i + 1];
+    for (size_t i = 0; i < kErrorClasses; ++i) counts[i] += mine[i];
   });
+  for (size_t i = kErrorClasses - 1; i-- > 0;) counts[i] += counts[i + 1];
   return counts;
 }
 

@@ -10,6 +10,7 @@
 // the height of the border sample next to it, and triangles are later cut at the border.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -39,6 +40,11 @@ struct Layout {
 /// Roots of at most 2^15 cells, so that local coordinates fit 16 bits.
 Layout make_layout(int64_t rows, int64_t cols, int32_t leaf);
 
+/// Errors fall into classes by the upper bits of a float: sixteen an octave.
+constexpr int kClassShift = 19;
+constexpr size_t kErrorClasses = (127 + 20) << 4;  // up to 2^20 quanta
+inline float least_of_class(size_t c) { return std::bit_cast<float>(static_cast<uint32_t>(c) << kClassShift); }
+
 class Grid {
  public:
   Grid(const HeightField& field, const Layout& layout);
@@ -57,8 +63,8 @@ class Grid {
   /// either triangle that the vertex would split, and at least the errors of all vertices below it.
   float error(int32_t x, int32_t y) const { return *error_place(x, y); }
 
-  /// How many vertices inside the field have an error above each of the limits (ascending).
-  std::vector<int64_t> count_above(const std::vector<float>& limits) const;
+  /// Per class of errors, how many vertices inside the field have an error of that class or above.
+  std::vector<int64_t> count_by_class() const;
 
  private:
   friend class ErrorPass;
