@@ -21,6 +21,7 @@ using namespace lodlab;
 namespace {
 
 struct Built {
+  std::shared_ptr<const std::filesystem::path> file;  ///< removed last: every thread that reads opens it
   std::shared_ptr<const HeightField> field;
   std::shared_ptr<const Hierarchy> hierarchy;
   std::unique_ptr<Session> session;
@@ -42,9 +43,12 @@ Built build(FieldFrame frame) {
   built.field = make_height_field(frame, heights->data(), nullptr, heights, "");
   const auto path =
       std::filesystem::temp_directory_path() / ("lodlab_test_full_" + std::to_string(getpid()) + ".lod");
+  built.file = {new std::filesystem::path(path), [](const std::filesystem::path* file) {
+                  std::filesystem::remove(*file);
+                  delete file;
+                }};
   const Method& full = find_method("full");
   const auto store = build_store({built.field}, full, {}, path.string(), BuildMode::kForce, {});
-  std::filesystem::remove(path);  // it stays open
   built.hierarchy = full.open(store);
   built.session = built.hierarchy->session(resolve_options("full", full.info().options, Stage::kDraw, {}));
   return built;
