@@ -43,7 +43,9 @@ Layout make_layout(int64_t rows, int64_t cols, int32_t leaf);
 /// Errors fall into classes by the upper bits of a float: sixteen an octave.
 constexpr int kClassShift = 19;
 constexpr size_t kErrorClasses = (127 + 20) << 4;  // up to 2^20 quanta
-inline float least_of_class(size_t c) { return std::bit_cast<float>(static_cast<uint32_t>(c) << kClassShift); }
+inline float least_of_class(size_t c) {
+  return std::bit_cast<float>(static_cast<uint32_t>(c) << kClassShift);
+}
 
 class Grid {
  public:
