@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "geometry/view.h"
 
+#include <cstdio>
 #include <string>
 
 #include "base/errors.h"
@@ -10,8 +11,12 @@ namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
+constexpr double kFarthest = 1e36;  // coordinates and their differences fit 32-bit floats
+
 std::string text(const glm::dvec3& v) {
-  return "(" + std::to_string(v.x) + ", " + std::to_string(v.y) + ", " + std::to_string(v.z) + ")";
+  char buffer[96];
+  std::snprintf(buffer, sizeof buffer, "(%.9g, %.9g, %.9g)", v.x, v.y, v.z);
+  return buffer;
 }
 
 bool finite(const glm::dvec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
@@ -19,6 +24,11 @@ bool finite(const glm::dvec3& v) { return std::isfinite(v.x) && std::isfinite(v.
 void check(const View& view) {
   if (!finite(view.eye)) throw InvalidInput("view: eye " + text(view.eye) + " is not finite");
   if (!finite(view.target)) throw InvalidInput("view: target " + text(view.target) + " is not finite");
+  for (const glm::dvec3& point : {view.eye, view.target}) {
+    if (glm::any(glm::greaterThan(glm::abs(point), glm::dvec3(kFarthest)))) {
+      throw InvalidInput("view: the point " + text(point) + " is not within 1e36 of the origin");
+    }
+  }
   if (!finite(view.up) || glm::length(view.up) == 0.0) {
     throw InvalidInput("view: up " + text(view.up) + " is not a finite direction");
   }
@@ -29,8 +39,10 @@ void check(const View& view) {
     throw InvalidInput("view: size " + std::to_string(view.width) + " x " + std::to_string(view.height) +
                        " is not within 1 to 16384 pixels a side");
   }
-  if (!(view.near_plane >= 0.0) || !std::isfinite(view.near_plane)) {
-    throw InvalidInput("view: near " + std::to_string(view.near_plane) + " is not a finite distance >= 0");
+  if (!(view.near_plane >= 0.0 && view.near_plane <= kFarthest)) {
+    char buffer[32];
+    std::snprintf(buffer, sizeof buffer, "%.9g", view.near_plane);
+    throw InvalidInput(std::string("view: near ") + buffer + " is not a distance within 0 to 1e36");
   }
   if (!(glm::length(view.target - view.eye) > 0.0)) {
     throw InvalidInput("view: eye and target are the same point " + text(view.eye) +
@@ -46,6 +58,13 @@ glm::dvec3 other_up(const glm::dvec3& direction) {
 }
 
 }  // namespace
+
+void set_planes(Camera& camera) {
+  camera.planes = {glm::normalize(camera.tan_h * camera.forward + camera.right),
+                   glm::normalize(camera.tan_h * camera.forward - camera.right),
+                   glm::normalize(camera.tan_v * camera.forward + camera.up),
+                   glm::normalize(camera.tan_v * camera.forward - camera.up), camera.forward};
+}
 
 Camera make_camera(const View& view) {
   check(view);
@@ -64,10 +83,7 @@ Camera make_camera(const View& view) {
   camera.tan_v = camera.tan_h * view.height / view.width;
   camera.K = view.width / (2.0 * camera.tan_h);
   camera.s = std::sqrt(1.0 + camera.tan_h * camera.tan_h + camera.tan_v * camera.tan_v);
-  camera.planes = {glm::normalize(camera.tan_h * camera.forward + camera.right),
-                   glm::normalize(camera.tan_h * camera.forward - camera.right),
-                   glm::normalize(camera.tan_v * camera.forward + camera.up),
-                   glm::normalize(camera.tan_v * camera.forward - camera.up), camera.forward};
+  set_planes(camera);
   return camera;
 }
 

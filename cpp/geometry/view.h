@@ -46,6 +46,9 @@ struct Camera {
   bool sees(const Box& box) const;
 };
 
+/// Sets the frustum of a camera from its axes and tangents.
+void set_planes(Camera& camera);
+
 /// Checks the view and derives its camera. Throws InvalidInput naming the value and the limit:
 /// finite numbers, field of view within 1 to 170 degrees, viewport sides from 1 to 16384, eye and
 /// target apart, `up` not zero (when parallel to the view axis another one is taken), near >= 0.

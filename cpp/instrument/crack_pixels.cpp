@@ -12,7 +12,7 @@ namespace lodlab::instrument {
 namespace {
 
 constexpr double kLeastErosion = 1.0, kMostError = 4.0;
-constexpr uint8_t kOutside = 255;
+constexpr uint8_t kOutside = 255, kInside = 128;
 constexpr int kMostPixels = 16384;
 
 struct Margin {
@@ -74,11 +74,23 @@ Camera with_margin(const Camera& camera) {
   out.tan_h = camera.tan_h * out.width / camera.width;
   out.tan_v = camera.tan_v * out.height / camera.height;
   out.s = std::sqrt(1.0 + out.tan_h * out.tan_h + out.tan_v * out.tan_v);
-  out.planes = {glm::normalize(out.tan_h * out.forward + out.right),
-                glm::normalize(out.tan_h * out.forward - out.right),
-                glm::normalize(out.tan_v * out.forward + out.up),
-                glm::normalize(out.tan_v * out.forward - out.up), out.forward};
+  set_planes(out);
   return out;
+}
+
+Camera nudged(const Camera& camera, double right, double down) {
+  Camera turned = camera;
+  turned.forward = glm::normalize(camera.forward + (right * camera.right - down * camera.up) / camera.K);
+  turned.right = glm::normalize(glm::cross(turned.forward, camera.up));
+  turned.up = glm::cross(turned.right, turned.forward);
+  set_planes(turned);
+  return turned;
+}
+
+void take_back_slivers(render::Picture& cut, const render::Picture& again) {
+  for (size_t i = 0; i < cut.rgba.size(); i += 4) {
+    if (cut.rgba[i] == kInside && again.rgba[i] == kOutside) cut.rgba[i] = kOutside;
+  }
 }
 
 CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference,

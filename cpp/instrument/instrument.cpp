@@ -2,6 +2,7 @@
 #include "instrument/instrument.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <string>
 
 #include "base/errors.h"
@@ -45,8 +46,13 @@ void measure_pictures(const Camera& camera, const render::DrawCall& draw_cut,
   }
   if (reference == nullptr) return;
   out.psnr_db = psnr_db(drawn, reference->shade);
-  const render::Picture classes = render::draw_picture(camera, render::Show::kClass, draw_cut, false);
-  const CrackPixels cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
+  render::Picture classes = render::draw_picture(camera, render::Show::kClass, draw_cut, false);
+  CrackPixels cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
+  for (int i = 0; i < 4 && cracks.pixels > 0; ++i) {
+    const Camera aside = nudged(camera, i % 2 == 0 ? kNudge : -kNudge, i / 2 == 0 ? kNudge : -kNudge);
+    take_back_slivers(classes, render::draw_picture(aside, render::Show::kClass, draw_cut, false));
+    cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
+  }
   out.crack_pixels = static_cast<double>(cracks.pixels);
   out.crack_mask_share = cracks.mask_share;
 }
@@ -66,8 +72,30 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
   return out;
 }
 
+/// Refuses an eye so far away that neighbouring samples fall together: nothing can be told apart there.
+void Instrument::check_near(const glm::dvec3& eye) const {
+  const HeightField& f = *field_;
+  const double step = std::min(f.dx, f.dy);
+  double reach = glm::length(eye) + f.radius;
+  double resolved = 2.0 * float_step(reach) / step;
+  if (!f.planet) {
+    const glm::dvec3 first = f.position(0, 0, 0.0), last = f.position(f.rows - 1, f.cols - 1, 0.0);
+    const glm::dvec3 far = glm::max(glm::abs(first - eye), glm::abs(last - eye));
+    reach = std::max(far.x, far.y);
+    resolved = 2.0 * std::max(float_step(far.x) / f.dx, float_step(far.y) / f.dy);
+  }
+  if (resolved <= 1.0) return;
+  char text[256];
+  std::snprintf(text, sizeof text,
+                "measure: the eye is %.4g m from samples %.4g m apart; 32-bit positions relative to it no longer "
+                "part them (limit: half the spacing a float step)",
+                reach, step);
+  throw InvalidInput(text);
+}
+
 Accuracy Instrument::measure(const Camera& camera, const render::DrawCall& draw_cut,
                              const render::FieldResources& resources, const Wanted& wanted) const {
+  check_near(camera.eye);
   Accuracy out;
   out.predicted_px = wanted.predicted_px;
   const Reference* reference = wanted.pictures ? wanted.reference : nullptr;
