@@ -34,9 +34,9 @@ Camera with_margin(const Camera& camera);
 /// The same camera turned by a fraction of a pixel to the right and down (at the centre of the picture).
 Camera nudged(const Camera& camera, double right, double down);
 
-/// Takes back inside pixels of `cut` where `again` shows the outside. Near the edge of a ridge the rasterizer's
-/// own grid (1/256 pixel) lets a far slope through where the near one ends within that grid; seen from a
-/// camera nudged by kNudge pixels it is gone, and a crack of twice that width is not.
+/// Takes back inside pixels of `cut` where `again` shows the outside. Near the edge of a ridge the
+/// rasterizer's own grid (1/256 pixel) lets a far slope through where the near one ends within that grid;
+/// seen from a camera nudged by kNudge pixels it is gone, and a crack of twice that width is not.
 void take_back_slivers(render::Picture& cut, const render::Picture& again);
 inline constexpr double kNudge = 1.0 / 64.0;
 

@@ -86,10 +86,11 @@ void Instrument::check_near(const glm::dvec3& eye) const {
   }
   if (resolved <= 1.0) return;
   char text[256];
-  std::snprintf(text, sizeof text,
-                "measure: the eye is %.4g m from samples %.4g m apart; 32-bit positions relative to it no longer "
-                "part them (limit: half the spacing a float step)",
-                reach, step);
+  std::snprintf(
+      text, sizeof text,
+      "measure: the eye is %.4g m from samples %.4g m apart; 32-bit positions relative to it no longer "
+      "part them (limit: half the spacing a float step)",
+      reach, step);
   throw InvalidInput(text);
 }
 

@@ -37,7 +37,8 @@ Levels choose_levels(const Grid& grid, double finest_error, double chunk_triangl
       // A kept vertex makes about two triangles.
       const auto target = static_cast<int64_t>(0.5 * chunk_triangles * chunks);
       const auto fits = std::find_if(above.begin(), above.end(), [&](int64_t n) { return n <= target; });
-      const float limit = least_of_class(static_cast<size_t>(std::min(fits, above.end() - 1) - above.begin()));
+      const float limit =
+          least_of_class(static_cast<size_t>(std::min(fits, above.end() - 1) - above.begin()));
       const double wanted = std::max(limit, 0.25f) * q.quantum + q.residual;
       delta = std::max(2.0 * delta, wanted);
     }
