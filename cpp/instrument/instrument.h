@@ -62,6 +62,8 @@ class Instrument {
   double slack(const glm::dvec3& eye) const;
 
  private:
+  void check_near(const glm::dvec3& eye) const;
+
   std::shared_ptr<const HeightField> field_;
   SampleGrid grid_;
 };
