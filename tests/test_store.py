@@ -362,3 +362,51 @@ def test_planets_are_refused_by_methods_that_do_not_accept_them(tmp_path: Path) 
     with pytest.raises(Unsupported, match="chunked does not accept a planet; it accepts heightfield"):
         _core.build(planet.core, "chunked", tmp_path / "a.lod")
     assert not list(tmp_path.iterdir())
+
+
+def test_cuts_by_hand_take_whole_numbers_alone(field: lodlab.HeightField, tmp_path: Path) -> None:
+    store = lodlab.build(field, "chunked", tmp_path / "a.lod", progress=False)
+    for ids in ([0.5], [np.nan], ["a"], None, [[0]], [2**64 - 1]):
+        with pytest.raises(InvalidInput, match="^cut: node ids"):
+            store.cut(ids)
+    with pytest.raises(InvalidInput, match="^cut: resolutions"):
+        store.cut([0], [2**40])
+    with pytest.raises(InvalidInput, match="no lodlab.Budget"):
+        store.select(lodlab.View((0, 0, 900), (300, -300, 0)), None)
+
+
+FORKED = """
+import gc, os, sys
+import numpy as np
+import lodlab
+from lodlab.errors import GLError
+
+heights = np.add.outer(np.arange(200.0), np.arange(200.0)) % 37
+store = lodlab.build(lodlab.HeightField(heights), "chunked", sys.argv[1], progress=False, leaf=8)
+view = lodlab.View((0, 0, 900), (3000, -3000, 0), size=(64, 48))
+session = store.session(stream=True)
+cut = session.select(view, lodlab.Budget(pixel_error=1))
+if sys.argv[2] == "drawn":
+    session.draw(cut, view)
+child = os.fork()
+if child == 0:
+    for call in (lambda: session.select(view, lodlab.Budget(pixel_error=1)), session.settle):
+        try:
+            call()
+        except GLError as error:
+            assert "after fork" in str(error)
+        else:
+            os._exit(3)
+    del cut, session, store
+    gc.collect()
+    os._exit(0)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.parametrize("state", ["drawn", "selected"])
+def test_a_forked_child_may_drop_a_session_but_not_use_it(tmp_path: Path, state: str) -> None:
+    # The loader thread stays with the parent: joining it in the child would wait for ever or abort.
+    command = [sys.executable, "-c", FORKED, str(tmp_path / "a.lod"), state]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0, done.stderr

@@ -24,6 +24,9 @@ PySession::PySession(std::shared_ptr<PyStore> store, const py::dict& draw_option
 }
 
 Session& PySession::selecting() const {
+  if (process_ != getpid()) {
+    throw GLError("session after fork: it belongs to the parent process; spawn processes instead of forking");
+  }
   if (owner_ && *owner_ != std::this_thread::get_id()) {
     throw GLError("session: it belongs to the thread that first drew with it");
   }

@@ -4,6 +4,7 @@
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <unistd.h>
 
 #include <memory>
 #include <optional>
@@ -43,6 +44,7 @@ class PySession {
   Options options_;
   std::unique_ptr<Session> session_;
   std::optional<std::thread::id> owner_;
+  pid_t process_ = getpid();
 };
 
 /// What transform feedback captured; arrays are made when asked for.

@@ -5,6 +5,8 @@
 // than the cache loads its most important part once instead of turning over for ever.
 #include "store/page_cache.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <condition_variable>
@@ -51,7 +53,13 @@ struct PageCache::Impl {
   bool stop = false;
   std::exception_ptr error;
   std::thread thread;
+  pid_t process = getpid();  // fork copies neither the thread nor a sane state of the mutex
 
+  void check_process() const {
+    if (process == getpid()) return;
+    throw StoreError("page cache of " + store->path() +
+                     ": its loader thread stayed with the parent process; open the store again after fork");
+  }
   std::shared_ptr<const Bytes> use(const Key& key);
   bool make_room(int64_t size, std::optional<double> priority);
   std::shared_ptr<const Bytes> keep(const Key& key, Bytes page, std::optional<double> priority);
@@ -172,6 +180,10 @@ PageCache::PageCache(std::shared_ptr<const Store> store, int64_t capacity,
 }
 
 PageCache::~PageCache() {
+  if (impl_->process != getpid()) {
+    static_cast<void>(impl_.release());  // neither joined nor destroyed: that would wait for ever
+    return;
+  }
   {
     const std::lock_guard guard(impl_->mutex);
     impl_->stop = true;
@@ -182,6 +194,7 @@ PageCache::~PageCache() {
 
 void PageCache::want(std::vector<Want> wants) {
   Impl& it = *impl_;
+  it.check_process();
   const std::lock_guard guard(it.mutex);
   ++it.list;
   it.queue.clear();
@@ -206,12 +219,14 @@ void PageCache::want(std::vector<Want> wants) {
 }
 
 std::shared_ptr<const Bytes> PageCache::find(int kind, int64_t id) {
+  impl_->check_process();
   const std::lock_guard guard(impl_->mutex);
   impl_->rethrow();
   return impl_->use({kind, id});
 }
 
 std::shared_ptr<const Bytes> PageCache::load(int kind, int64_t id) {
+  impl_->check_process();
   std::unique_lock guard(impl_->mutex);
   if (auto present = impl_->use({kind, id})) return present;
   impl_->pause(guard);
@@ -222,6 +237,7 @@ std::shared_ptr<const Bytes> PageCache::load(int kind, int64_t id) {
 }
 
 void PageCache::settle() {
+  impl_->check_process();
   std::unique_lock guard(impl_->mutex);
   impl_->idle.wait(guard, [&] { return impl_->queue.empty() && !impl_->current; });
   impl_->rethrow();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Streaming: a loader thread that reads wanted pages, most important first, into a least-recently-used
 // cache in main memory with a hard byte budget. A frame asks and goes on; it never waits. No GL here.
+// After fork the child may only destroy it: all else is a StoreError there.
 #pragma once
 
 #include <chrono>

@@ -133,6 +133,18 @@ class Cut:
         )
 
 
+def _whole_numbers(what: str, values: Any, dtype: type) -> np.ndarray:
+    """(N,) integers of this dtype; InvalidInput for anything that would be rounded or would not fit."""
+    given = np.asarray(values)
+    numbers = given if given.size else given.astype(dtype)
+    if numbers.dtype.kind not in "iu" or numbers.ndim > 1:
+        raise InvalidInput(f"cut: {what} are {given.dtype} of shape {given.shape}; a list of whole numbers is needed")
+    limits = np.iinfo(dtype)
+    if numbers.size and not limits.min <= int(numbers.min()) <= int(numbers.max()) <= limits.max:
+        raise InvalidInput(f"cut: {what} {numbers.min()} to {numbers.max()} leave {limits.min} to {limits.max}")
+    return np.ascontiguousarray(numbers, dtype=dtype)
+
+
 class Session:
     """Caches, GL objects and adaptation state on one store, under one set of draw options."""
 
@@ -143,6 +155,10 @@ class Session:
 
     def select(self, view: Any, budget: Any) -> Cut:
         """The cut for a view under a budget. Unsupported names a budget that the method does not list."""
+        if not isinstance(budget, _core.Budget):
+            raise InvalidInput(f"select: budget {budget!r} is no lodlab.Budget")
+        if not isinstance(view, _core.View):
+            raise InvalidInput(f"select: view {view!r} is no lodlab.View")
         return Cut(self.core.select(view, budget), self)
 
     def cut(self, ids: Any, resolutions: Any = None) -> Cut:
@@ -150,8 +166,8 @@ class Session:
 
         InvalidInput names the first gap, overlap or broken rule.
         """
-        numbers = np.ascontiguousarray(ids, dtype=np.int64)
-        chosen = None if resolutions is None else np.ascontiguousarray(resolutions, dtype=np.int32)
+        numbers = _whole_numbers("node ids", ids, np.int64)
+        chosen = None if resolutions is None else _whole_numbers("resolutions", resolutions, np.int32)
         return Cut(self.core.cut(numbers, chosen), self)
 
     def draw(self, cut: Cut, view: Any = None, show: str = "shade") -> Frame:
