@@ -104,6 +104,8 @@ def test_the_callers_array_is_neither_changed_nor_shared():
         (np.full((3, 3), np.nan), "all 9 samples"),
         (np.array([[1, 2], [np.inf, 4]]), "inf at row 1, column 0"),
         (np.array([[1, 2], [3, -1e300]]), "-1e+300 at row 1, column 1"),
+        (np.array([[1, 2], [3, 2.0**127]]), "e+38 at row 1, column 1 is not within 1e+36"),
+        ([[1, 2], [3]], "array is no array"),
     ],
 )
 def test_arrays_that_are_no_height_field(array, words):
@@ -125,6 +127,12 @@ def test_too_many_samples_are_refused_before_anything_is_copied():
         {"spacing": math.nan},
         {"spacing": (1, 2, 3)},
         {"spacing": "wide"},
+        {"spacing": 1e-320},
+        {"spacing": 1e300},
+        {"nodata": "none"},
+        {"origin": None},
+        {"origin": (1, 2, 3)},
+        {"origin": (1e300, 0)},
         {"vertical_scale": 0},
         {"vertical_scale": math.inf},
         {"radius": -1},
@@ -167,7 +175,7 @@ def test_nodata_is_meant_before_scaling_and_masks_count():
     assert HeightField(masked).valid.tolist() == [[True, True, True], [True, True, False]]
     assert HeightField(ints, nodata=1e9).valid.all()  # not a value that int16 has
     assert (
-        HeightField(np.array([[0.0, 1e38], [-3.4028234663852886e38, 2]]), nodata=-3.4028234663852886e38).valid.sum()
+        HeightField(np.array([[0.0, 1e30], [-3.4028234663852886e38, 2]]), nodata=-3.4028234663852886e38).valid.sum()
         == 3
     )
 

@@ -33,25 +33,46 @@ std::string number(double value) {
 
 [[noreturn]] void refuse(const std::string& what) { throw InvalidInput("height field: " + what); }
 
+// Drawing computes in 32-bit floats: sizes stay where their products neither overflow nor vanish.
+constexpr double kLeastLength = 1e-30, kMostLength = 1e30, kMostExtent = 1e36;
+constexpr float kMostHeight = 1e36f;
+constexpr double kMostSteps = 0x1p50;  // from the origin of coordinates: doubles still part the samples
+
+/// Refuses a length that is not within kLeastLength to kMostLength.
+void check_length(const char* what, double value) {
+  if (!(value > 0.0) || !std::isfinite(value)) refuse(what + (" " + number(value)) + " is not positive");
+  if (value < kLeastLength || value > kMostLength) {
+    refuse(what + (" " + number(value)) + " is not within 1e-30 to 1e+30");
+  }
+}
+
+/// Refuses an axis that floats cannot hold, or that lies where doubles do not part its samples.
+void check_axis(double origin, double spacing, int64_t samples) {
+  const double extent = spacing * static_cast<double>(samples - 1);
+  if (extent > kMostExtent) refuse("extent " + number(extent) + " is more than 1e+36");
+  if (std::abs(origin) > kMostSteps * spacing) {
+    refuse("origin " + number(origin) + " is more than 2^50 times the spacing " + number(spacing) +
+           " from 0: samples would fall together");
+  }
+}
+
 void check_grid(const FieldFrame& f) {
   const std::string size = std::to_string(f.rows) + " x " + std::to_string(f.cols);
   if (f.rows < 2 || f.cols < 2) refuse(size + " samples; at least 2 x 2 are needed");
   if (f.rows > kMaxSamples / f.cols) refuse(size + " samples are more than 2^31");
-  for (const double value : {f.dx, f.dy}) {
-    if (!(value > 0.0) || !std::isfinite(value)) refuse("spacing " + number(value) + " is not positive");
-  }
+  for (const double value : {f.dx, f.dy}) check_length("spacing", value);
   if (!std::isfinite(f.x0) || !std::isfinite(f.y0)) {
     refuse("origin (" + number(f.x0) + ", " + number(f.y0) + ") is not finite");
   }
+  check_axis(f.x0, f.dx, f.cols);
+  check_axis(f.y0, f.dy, f.rows);
   if (!(f.height_step >= 0.0) || !std::isfinite(f.height_step)) {
     refuse("height step " + number(f.height_step) + " is not 0 or more");
   }
 }
 
 void check_planet(const FieldFrame& f) {
-  if (!(f.radius > 0.0) || !std::isfinite(f.radius)) {
-    refuse("planet radius " + number(f.radius) + " is not positive");
-  }
+  check_length("planet radius", f.radius);
   if (!(f.dlon > 0.0) || !(f.dlat > 0.0) || !std::isfinite(f.lon0) || !std::isfinite(f.dlon)) {
     refuse("planet steps of " + number(f.dlon) + " x " + number(f.dlat) + " degrees are not positive");
   }
@@ -63,6 +84,9 @@ void check_planet(const FieldFrame& f) {
   if (steps * f.dlon > 360.0 + kAngleSlack) {
     refuse("planet columns span " + number(steps * f.dlon) + " degrees; the limit is 360");
   }
+  if (f.rows < 3 && f.lat0 >= 90.0 - kAngleSlack && south <= -90.0 + kAngleSlack) {
+    refuse("a planet from pole to pole needs at least 3 rows: two are its poles alone");
+  }
   if (f.wraps && f.cols < 3) refuse("a planet that wraps needs at least 3 columns");
   if (f.wraps && std::abs(steps * f.dlon - 360.0) > kAngleSlack) {
     refuse("a planet that wraps spans 360 degrees, not " + number(steps * f.dlon));
@@ -73,7 +97,7 @@ struct Range {
   double lo = std::numeric_limits<double>::infinity(), hi = -std::numeric_limits<double>::infinity();
 };
 
-/// Smallest and largest height; refuses the first that is not finite.
+/// Smallest and largest height; refuses the first that is not finite or that drawing could not subtract from.
 Range height_range(const FieldFrame& f, const float* heights) {
   Range range;
   std::mutex mutex;
@@ -82,7 +106,7 @@ Range height_range(const FieldFrame& f, const float* heights) {
     float lo = heights[begin], hi = heights[begin];
     int64_t first = f.rows * f.cols;
     for (int64_t i = begin; i < end; ++i) {
-      if (!std::isfinite(heights[i])) {
+      if (!(std::abs(heights[i]) <= kMostHeight)) {
         first = i;
         break;
       }
@@ -96,7 +120,8 @@ Range height_range(const FieldFrame& f, const float* heights) {
   });
   if (bad < f.rows * f.cols) {
     refuse("height " + number(heights[bad]) + " at row " + std::to_string(bad / f.cols) + ", column " +
-           std::to_string(bad % f.cols) + " is not finite");
+           std::to_string(bad % f.cols) +
+           (std::isfinite(heights[bad]) ? " is not within 1e+36 of 0" : " is not finite"));
   }
   return range;
 }

@@ -62,6 +62,31 @@ def _pair(what: str, value: Any) -> tuple[float, float]:
     return _positive(what, values[0]), _positive(what, values[1])
 
 
+def _origin(value: Any) -> tuple[float, float]:
+    """(x0, y0) from a pair of numbers; the core checks that they are finite."""
+    try:
+        x0, y0 = value
+        return float(x0), float(y0)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"height field: origin {value!r} is not (x0, y0)") from None
+
+
+def _nodata(value: Any) -> float | None:
+    """The mark of voids, or None."""
+    try:
+        return None if value is None else float(value)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"height field: nodata {value!r} is not a number") from None
+
+
+def _as_array(values: Any, name: str) -> np.ndarray:
+    """What the caller gave as an array; rows of different lengths are no array."""
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise InvalidInput(f"height field: {name} is no array: {error}") from None
+
+
 def _check_array(array: np.ndarray, name: str) -> None:
     if array.dtype.kind not in "iuf":
         raise InvalidInput(f"height field: {name} has dtype {array.dtype}; real numbers are needed")
@@ -154,7 +179,8 @@ class HeightField:
         if isinstance(array, np.ma.MaskedArray):
             given = ~np.ma.getmaskarray(array)
             array = array.data
-        array = np.asarray(array)
+        array = _as_array(array, name)
+        nodata = _nodata(nodata)
         _check_array(array, name)
         scale = _positive("vertical_scale", vertical_scale)
         frame: dict[str, Any] = {"planet": bool(planet), "radius": _positive("radius", radius)}
@@ -167,12 +193,13 @@ class HeightField:
             given = None if given is None else given[:, :columns]
         else:
             dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
-            frame |= {"dx": dx, "dy": dy, "x0": float(origin[0]), "y0": float(origin[1])}
+            x0, y0 = _origin(origin)
+            frame |= {"dx": dx, "dy": dy, "x0": x0, "y0": y0}
         valid = _valid_mask(array, nodata, given)
         if valid is not None and not valid.any():
             raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
         heights = _to_float32(array, scale, offset * scale)
-        _check_finite(heights, valid, array, name)
+        _check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
         frame["height_step"] = _height_step(array, valid, scale, offset)
         mask = None
         if valid is not None:
@@ -343,12 +370,12 @@ class HeightField:
         )
 
 
-def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str) -> None:
+def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:
     bad = np.isinf(heights) if valid is None else np.isinf(heights) & valid
     if bad.any():
         row, col = np.unravel_index(int(np.argmax(bad)), bad.shape)
         raise InvalidInput(
-            f"height field: {name} has height {array[row, col]} at row {row}, column {col}; "
+            f"height field: {name} has height {array[row, col]} at row {row}, column {col}{scaled}; "
             "heights are finite and fit float32"
         )
 

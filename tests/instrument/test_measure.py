@@ -280,3 +280,17 @@ def test_a_planet_drawn_in_full_measures_nothing(tmp_path: Path) -> None:
             assert row[column] == 0
         assert row["measured_samples"] == rows * cols
         assert row["psnr_db"] == math.inf
+
+
+def test_an_eye_too_far_away_to_tell_samples_apart_is_refused(lab: Lab) -> None:
+    view = _core.View((1e12, 0.0, 1e12), (0.0, 0.0, 0.0), size=SIZE)
+    session = lab.session()
+    cut = session.select(view, _core.Budget(pixel_error=1))
+    with pytest.raises(errors.InvalidInput, match="measure: the eye is 1e\\+12 m from samples"):
+        lab.instrument.measure(session, cut, view, None, False)
+
+
+@pytest.mark.parametrize("eye", [(1e300, 0.0, 0.0), (0.0, -1e37, 0.0)])
+def test_views_stay_where_floats_reach(eye: tuple[float, float, float]) -> None:
+    with pytest.raises(errors.InvalidInput, match="not within 1e36"):
+        _core.View(eye, (0.0, 0.0, 0.0))
