@@ -2,9 +2,14 @@
 // The only file that touches OpenImageIO.
 #include "imageio/image.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <memory>
+#include <vector>
 
 #include "base/errors.h"
 
@@ -77,17 +82,38 @@ ImageU8 read_rgba8(const std::string& path) {
   return out;
 }
 
+namespace {
+
+[[noreturn]] void fail_to_write(const std::string& path, const std::string& why) {
+  throw StoreError("write_image: " + path + ": " + why);
+}
+
+void write_bytes(const std::string& path, const std::vector<unsigned char>& bytes) {
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) fail_to_write(path, std::strerror(errno));
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  int reason = written ? 0 : errno;
+  if (std::fclose(file) != 0 && reason == 0) reason = errno;
+  if (written && reason == 0) return;
+  std::remove(path.c_str());
+  fail_to_write(path, std::strerror(reason));
+}
+
+}  // namespace
+
 void write_image(const std::string& path, const ImageU8& image) {
-  const auto fail = [&path](const std::string& why) {
-    throw StoreError("write_image: " + path + ": " + why);
-  };
   auto output = OIIO::ImageOutput::create(path);
-  if (!output) fail(OIIO::geterror());
+  if (!output) fail_to_write(path, OIIO::geterror());
+  // Into memory where the format can: some encoders do not notice that the disk is full.
+  OIIO::Filesystem::IOVecOutput memory;
+  const bool buffered = output->supports("ioproxy") != 0;
   const OIIO::ImageSpec spec(image.width, image.height, image.channels, OIIO::TypeDesc::UINT8);
-  if (!output->open(path, spec)) fail(output->geterror());
+  if (buffered) output->set_ioproxy(&memory);
+  if (!output->open(path, spec)) fail_to_write(path, output->geterror());
   if (!output->write_image(OIIO::TypeDesc::UINT8, image.samples.data()) || !output->close()) {
-    fail(output->geterror());
+    fail_to_write(path, output->geterror());
   }
+  if (buffered) write_bytes(path, memory.buffer());
 }
 
 std::string image_library_version() {
