@@ -221,6 +221,10 @@ def test_export_refuses_other_kinds(say, store, folder):
         (["build", SOURCE, "chunked", "{out}", "-o", "finest_error"], ("NAME=VALUE",)),
         (["build", SOURCE, "chunked", "{out}", "-o", "finest_error=-1"], ("finest_error", "-1")),
         (["build", SOURCE, "chunked", "{out}", "-o", "finest_error=1", "-o", "finest_error=2"], ("twice",)),
+        (["build", SOURCE, "chunked", "{out}/no/x.lod"], ("no directory",)),
+        (["build", SOURCE, "chunked", "."], ("is a directory",)),
+        (["build", "x" * 300, "chunked", "{out}"], ("x" * 300,)),
+        (["build", SOURCE, "chunked", "x" * 300 + ".lod"], ("too long",)),
         (["build", "nowhere.tif", "chunked", "{out}"], ("nowhere.tif", "jacksboro")),
         (["build", "fractal:sise=65", "chunked", "{out}"], ("sise", "size")),
         (["fly", "{store}", "--out", "{out}"], ("none set", "pixel_error, triangles, nodes")),
@@ -266,6 +270,43 @@ def test_unwritable_directory_is_a_mistake(say, store, tmp_path):
         (tmp_path / "locked").mkdir(mode=0o500)
         target = str(tmp_path / "locked" / "run")
     fails(say("fly", store, "--out", target, "--pixel-error", "1", *SMALL), 2, target.rpartition("/")[2])
+
+
+def test_an_interrupted_build_is_incomplete_by_either_name(say, folder):
+    partial = folder / "half.lod.partial"
+    field = lod.datasets.load("fractal:size=513")
+
+    def stop(stage, share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lod._core.build(field.core, "chunked", str(folder / "half.lod"), {"leaf": 8}, "new", stop)
+    assert partial.exists()
+    for name in (partial, folder / "half.lod"):
+        fails(say("info", name), 1, "incomplete", "--resume")
+
+
+def test_a_budget_out_of_range_is_a_mistake_where_budgets_are_ignored(say, folder):
+    store = folder / "ignores.lod"
+    assert say("build", SOURCE, "full", store)[0] == 0
+    fails(say("render", store, folder / "a.png", "--triangles", "-5"), 2, "triangles -5")
+
+
+def test_a_full_disk_leaves_no_half_picture_or_mesh(store, tmp_path):
+    program = "import resource, signal, sys\nfrom lodlab.cli import run\n"
+    program += "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+    program += "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))\nsys.exit(run(sys.argv[1:]))"
+    for words in (["render", store, tmp_path / "a.png"], ["export", store, tmp_path / "a.ply"]):
+        command = [sys.executable, "-c", program, *map(str, words), "--size", "96x64"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1 and words[2].name in done.stderr and "Traceback" not in done.stderr, done.stderr
+        assert not list(tmp_path.iterdir())
+
+
+def test_damaged_results_are_one_line_and_status_1(say, tmp_path):
+    for name in ("frames.csv", "summary.csv"):
+        (tmp_path / name).write_text("")
+    fails(say("report", tmp_path), 1, "frames.csv is damaged")
 
 
 def test_unexpected_errors_are_one_line_and_status_1(say, monkeypatch):

@@ -103,6 +103,19 @@ def test_another_configuration_in_the_directory_is_refused(swept):
         lod.sweep({**CONFIG, "frames": 6}, out=swept.directory, progress=False)
 
 
+def test_a_configuration_that_failed_before_its_first_run_may_be_mended(tmp_path):
+    with pytest.raises(InvalidInput, match="size 0 x 0"):
+        lod.sweep({**CONFIG, "size": [0, 0]}, out=tmp_path, progress=False)
+    mended = {**CONFIG, "methods": [{"name": "full"}], "frames": 2, "accuracy_frames": 0}
+    assert lod.sweep(mended, out=tmp_path, progress=False).runs
+
+
+@pytest.mark.parametrize("wrong", [{"methods": [3]}, {"paths": 3}, {"methods": [{"name": "full", "options": 3}]}])
+def test_values_of_another_kind_are_named(wrong):
+    with pytest.raises(InvalidInput, match="3"):
+        configs.freeze({**CONFIG, **wrong})
+
+
 def test_half_written_rows_are_dropped_and_the_run_repeated(swept, tmp_path):
     """What a killed process leaves: frames without their summary, and a line that was cut off."""
     out = tmp_path / "cut"

@@ -7,6 +7,7 @@ Longer than other files because every command declares its arguments here, each 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
@@ -61,7 +62,7 @@ app = typer.Typer(
 
 def open_store(path: Path, source: str | None = None) -> Any:
     """Opens a store that must be there."""
-    if not path.is_file():
+    if not path.is_file() and not Path(f"{path}.partial").is_file():  # the core says that one is incomplete
         raise InvalidInput(f"open store: no file {path}")
     return lodlab.open(path, source)
 
@@ -171,8 +172,12 @@ def build_command(
     """
     if force and resume:
         raise InvalidInput("build: --force and --resume exclude each other")
-    if store.exists() and not (force or resume):
+    if store.is_file() and not (force or resume):
         raise InvalidInput(f"build: {store} is there already; --force replaces it")
+    if store.is_dir():
+        raise InvalidInput(f"build: {store} is a directory; name a file")
+    if not store.parent.is_dir():
+        raise InvalidInput(f"build: no directory {store.parent}")
     mode = "force" if force else "resume" if resume else "new"
     options = options_from(option)
     _core.resolve_options(method, "build", options)
@@ -512,6 +517,7 @@ def bench_command(
 STOPPED = 130
 _MISTAKES = (InvalidInput, Unsupported)
 _FILE_MISTAKES = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, FileExistsError)
+_NAME_MISTAKES = (errno.ENAMETOOLONG, errno.ELOOP)
 
 
 def status_of(error: BaseException) -> tuple[int, str]:
@@ -524,10 +530,10 @@ def status_of(error: BaseException) -> tuple[int, str]:
         return 2, str(error)
     if isinstance(error, (StoreError, GLError)):
         return 1, str(error)
-    if isinstance(error, _FILE_MISTAKES):
-        return 2, f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
     if isinstance(error, OSError):
-        return 1, str(error)
+        mistake = isinstance(error, _FILE_MISTAKES) or error.errno in _NAME_MISTAKES
+        text = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
+        return 2 if mistake else 1, text
     if isinstance(error, MemoryError):
         return 1, f"out of memory: {error}" if str(error) else "out of memory"
     return 1, f"{type(error).__name__}: {error} (LODLAB_DEBUG=1 shows where)"

@@ -93,6 +93,8 @@ def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
 
 def _freeze_method(given: Mapping[str, Any] | str, common: Mapping[str, list[Any]]) -> dict[str, Any]:
     given = {"name": given} if isinstance(given, str) else given
+    if not isinstance(given, Mapping):
+        raise InvalidInput(f"configuration: methods holds {given!r}; it is a table with a name")
     _known("[[methods]]", given, {"name": "", "options": {}, **BUDGET_LISTS})
     if "name" not in given:
         raise InvalidInput("configuration: a [[methods]] has no name")
@@ -110,6 +112,8 @@ def _freeze_method(given: Mapping[str, Any] | str, common: Mapping[str, list[Any
 
 def _freeze_options(method: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """All options of a method, defaults written out; lists stay lists. Sweeps load everything first."""
+    if not isinstance(given, Mapping):
+        raise InvalidInput(f"options of {method}: {given!r} is no table of names and values")
     build, draw = options_of(method, "build"), options_of(method, "draw")
     given = {"stream": False, **given} if "stream" in draw else dict(given)
     for name in given:
@@ -147,7 +151,7 @@ def _typed(key: str, value: Any, kind: type) -> Any:
 
 
 def _texts(key: str, values: Any) -> list[str]:
-    values = [values] if isinstance(values, str) else list(values)
+    values = [values] if isinstance(values, str) or not isinstance(values, (list, tuple)) else list(values)
     if not values or not all(isinstance(v, str) and v for v in values):
         raise InvalidInput(f"configuration: {key} is {values!r}; it is a list of at least one text")
     if len(set(values)) != len(values):

@@ -126,7 +126,7 @@ def poses_of_array(array: Any, fov: float | None, near: float | None) -> PoseAt:
             raise InvalidInput(f"camera path: pose {i}: its upper 3 x 3 part is no rotation")
     if fov is not None:
         _row({"t": 0, "eye": (0, 0, 0), "target": (0, 0, 1), "fov": fov}, 0)
-    if near is not None and not (math.isfinite(near) and near > 0):
+    if near is not None and not (isinstance(near, (int, float)) and math.isfinite(near) and near > 0):
         raise InvalidInput(f"camera path: near = {near!r} is not positive")
 
     def at(t: float) -> Pose:

@@ -66,6 +66,7 @@ def check_budget(method: str, values: Mapping[str, Any]) -> Any:
     """
     listed = method_table(method)["budgets"]
     if not listed:
+        _core.Budget(**values)  # a value out of range is a mistake all the same
         return _core.Budget(pixel_error=1.0)
     if not values:
         raise InvalidInput(f"budget of {method}: none set; give at least one of {', '.join(listed)}")

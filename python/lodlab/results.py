@@ -171,7 +171,10 @@ def read_table(path: Path | str) -> Any:
         header = next(csv.reader(file), [])
     text = {c: str for c in header if c in _TEXT_COLUMNS}
     missing = {c: ["", "nan"] for c in header if c not in _TEXT_COLUMNS and c not in _FLAG_COLUMNS}
-    return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
+    try:
+        return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
+    except ValueError as error:  # what pandas raises for files that are no tables
+        raise StoreError(f"read results: {path} is damaged: {error}") from None
 
 
 def table(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Any:
@@ -301,7 +304,7 @@ class RunDirectory:
     def __init__(self, path: Path | str, config: Mapping[str, Any]):
         """Creates the directory, or takes up the one that holds the same configuration.
 
-        Raises InvalidInput when it holds another configuration or files that are not a run's;
+        Raises InvalidInput when it holds finished runs of another configuration or files that are not a run's;
         StoreError when another process is writing to it.
         """
         self.path = Path(path)
@@ -323,9 +326,12 @@ class RunDirectory:
     def _take_up(self, config: Mapping[str, Any]) -> None:
         text = toml_text(config)
         file = self.path / "config.toml"
+        self.done = self._settle()
         if file.exists():
             difference = first_difference(read_config(file), tomllib.loads(text))
-            if difference:
+            if difference and not self.done:  # a run that failed before its end: nothing to keep
+                write_atomic(file, HEAD + text)
+            elif difference:
                 raise InvalidInput(
                     f"run directory: {self.path} holds a run with another configuration ({difference}); "
                     "choose another directory or remove this one"
@@ -334,9 +340,8 @@ class RunDirectory:
             if (self.path / "frames.csv").exists():
                 raise InvalidInput(f"run directory: {self.path} holds frames.csv without config.toml; choose another")
             write_atomic(file, HEAD + text)
-        self.done = self._settle()
         for name, columns in (("frames.csv", FRAME_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
-            if not (self.path / name).exists():
+            if not self._read(name):
                 write_atomic(self.path / name, ",".join(columns) + "\r\n")
 
     def _settle(self) -> set[str]:
@@ -376,10 +381,13 @@ class RunDirectory:
         for name, columns, rows in (("frames.csv", FRAME_COLUMNS, frames), ("summary.csv", SUMMARY_COLUMNS, [summary])):
             text = io.StringIO(newline="")
             csv.writer(text).writerows([cell(row[c]) for c in columns] for row in rows)
-            with (self.path / name).open("ab") as file:
-                file.write(text.getvalue().encode())
-                file.flush()
-                os.fsync(file.fileno())
+            try:
+                with (self.path / name).open("ab") as file:
+                    file.write(text.getvalue().encode())
+                    file.flush()
+                    os.fsync(file.fileno())
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, os.fspath(self.path / name)) from None
         self.done.add(summary["run"])
 
     def arrange(self, order: Sequence[str]) -> None:
@@ -439,8 +447,10 @@ def write_atomic(file: Path, data: str | bytes) -> None:
             out.flush()
             os.fsync(out.fileno())
         temporary.replace(file)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # writes name no file, and the temporary name tells nobody anything
+            raise OSError(error.errno, error.strerror, os.fspath(file)) from None
         raise
 
 

@@ -39,7 +39,7 @@ def find_file(name: str) -> str | None:
     folder = data_folder()
     if folder is not None and not os.path.isabs(name):
         for base in (folder, folder / "terrain", folder / "mesh"):
-            if (base / name).is_file():
+            if os.path.isfile(base / name):  # False for names that no file can have
                 return str(base / name)
     return None
 
@@ -130,7 +130,9 @@ def parse(text: str | os.PathLike[str]) -> SourceSpec:
     """Reads a SOURCE text. InvalidInput lists the known keys, or the known data sets."""
     from .datasets import DATASETS
 
-    text = os.fspath(text)
+    if not isinstance(text, (str, os.PathLike)):
+        raise InvalidInput(f"source: {type(text).__name__} is no SOURCE text or path")
+    text = os.fsdecode(text)
     if not text.strip():
         raise InvalidInput("source '': it names neither a file nor a data set")
     path = find_file(text)
