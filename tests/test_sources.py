@@ -324,6 +324,22 @@ def test_a_mask_band_and_scaled_samples(tmp_path):
     assert field._core.height_step == 0
 
 
+@pytest.mark.parametrize(("scale", "offset"), [(0.0, 0.0), (-1.0, 0.0), (math.nan, 0.0), (1.0, math.inf)])
+def test_a_band_whose_scale_makes_no_heights_is_refused(tmp_path, scale, offset):
+    path = write(tmp_path / "a.tif", Z, from_origin(0, 0, 1, 1))
+    with rasterio.open(path, "r+") as out:
+        out.scales, out.offsets = (scale,), (offset,)
+    with pytest.raises(InvalidInput, match=r"a\.tif: its band has scale"):
+        HeightField.open(path)
+
+
+@pytest.mark.parametrize("spacing", [(3, 4), [3, 4], np.array([3.0, 4.0])])
+def test_any_pair_of_spacings_makes_a_spec_that_loads_again(tmp_path, spacing):
+    field = HeightField.open(write(tmp_path / "a.tif", Z, from_origin(0, 0, 1, 1)), spacing=spacing)
+    assert field.spec.endswith(":spacing=3/4")
+    assert datasets.load(field.spec).hash() == field.hash()
+
+
 def test_several_bands_need_a_choice(tmp_path):
     path = write(tmp_path / "a.tif", np.stack([Z, Z + 100]), from_origin(0, 0, 1, 1))
     with pytest.raises(InvalidInput, match="2 bands .*band=1..2"):

@@ -29,7 +29,7 @@ def _text(value: Any) -> str:
     """A key's value as SOURCE text that reads back the same."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list, np.ndarray)):
         return "/".join(_text(v) for v in value)
     if isinstance(value, (float, np.floating)):
         return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
@@ -243,6 +243,12 @@ class HeightField:
         if keep_all and nodata != "none":
             raise InvalidInput(f"height field: nodata {nodata!r} is neither a number nor 'none'")
         raster = open_raster(path, band=band, window=window, nodata=nodata)
+        if not (math.isfinite(raster.scale) and raster.scale > 0 and math.isfinite(raster.offset)):
+            raise InvalidInput(
+                f"open {os.fspath(path)}: its band has scale {raster.scale:g} and offset {raster.offset:g}; "
+                "a positive scale and a finite offset are needed"
+            )
+        vertical_scale = _positive("vertical_scale", vertical_scale)
         keys: dict[str, Any] = {
             "spacing": spacing,
             "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
