@@ -181,7 +181,10 @@ def look_of(store: Store) -> dict[str, Any]:
 
 def still(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Draw options with streaming turned off where the method has it: records are drawn with all data."""
-    return {**options, **({"stream": False} if "stream" in options_of(method, "draw") else {})}
+    known = {option["name"]: option for option in method_table(method)["options"]}
+    if "stream" not in known:
+        return dict(options)
+    return {**options, "stream": False, "gpu_cache_mb": known["gpu_cache_mb"]["range"][1]}
 
 
 def store_for(
