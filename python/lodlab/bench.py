@@ -319,7 +319,7 @@ def _build(lab: Lab) -> Iterable[Record]:
 
 
 _MEMORY_CHILD = """
-import json, resource, sys
+import json, sys
 import numpy as np
 from lodlab import _core
 
@@ -333,7 +333,7 @@ heights = np.load(array)
 before = resident("VmRSS")
 source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
 _core.build(source, "chunked", out, options, "new", None)
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+peak = resident("VmHWM")  # not ru_maxrss, which starts at the parent's peak
 print(json.dumps({"bare": bare, "before": before, "peak": peak, "array": heights.nbytes, "samples": heights.size}))
 """
 
