@@ -279,7 +279,7 @@ def _build(lab: Lab) -> Iterable[Record]:
         source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
         store = _core.build(source, "chunked", str(path), BUILD_OPTIONS, "new", None)
         seconds = time.perf_counter() - start
-        kept.update(info=store.info(), options=dict(store.options))
+        kept.update(info=store.info(), options=dict(store.options), store=store)
         return seconds
 
     lab.say(f"build chunked/fractal-{BUILD_SIZE}")
@@ -295,6 +295,8 @@ def _build(lab: Lab) -> Iterable[Record]:
         ratio, low, high = bootstrap_median(pairs[:, 1] / pairs[:, 0])
     info = kept["info"]
     finest = info["levels"][-1]
+    nodes = kept["store"].nodes
+    surface = kept["store"].session({}).cut(nodes["id"][nodes["level"] == finest["level"]], None)
     yield _record(
         "build",
         f"chunked/fractal-{BUILD_SIZE}",
@@ -308,7 +310,7 @@ def _build(lab: Lab) -> Iterable[Record]:
         options=results.options_text(kept["options"]),
         details={
             "seconds": float(np.median(times)),
-            "share_of_samples_kept": finest["triangles"] / (2.0 * (BUILD_SIZE - 1) ** 2),
+            "share_of_samples_kept": (surface.triangles - surface.filler_triangles) / (2.0 * (BUILD_SIZE - 1) ** 2),
             "bytes_per_sample": info["bytes_per_sample"],
             "bytes_per_vertex": info["bytes_per_vertex"],
             "finest_error_max": finest["error_max"],
