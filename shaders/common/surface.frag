@@ -55,11 +55,12 @@ vec3 local_up() {
 #endif
 }
 
+bool vertical(vec3 normal) { return abs(dot(normal, local_up())) < 1e-3; }
+
 /// Whether the eye is on the outside of the triangle: above it. Vertical triangles (skirts) have no above:
 /// there the rasterizer's own answer must do.
 bool seen_from_outside(vec3 normal) {
-  const float above = dot(normal, local_up());
-  return abs(above) < 1e-3 ? gl_FrontFacing : above > 0.0;
+  return vertical(normal) ? gl_FrontFacing : dot(normal, local_up()) > 0.0;
 }
 
 /// Share of the sun's light: north-west, 45 degrees high, with a little ambient; 1 on level ground.
@@ -93,7 +94,8 @@ vec3 shown() {
 #elif LODLAB_SHOW == SHOW_NORMAL
   return 0.5 + 0.5 * normal;
 #else
-  const float light = hillshade(normal);
+  // A skirt fills a crack of a pixel or less: it is lit like level ground, or it would show as dark dots.
+  const float light = hillshade(vertical(normal) ? local_up() : normal);
   if (!seen_from_outside(normal)) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
 #if LODLAB_SHOW == SHOW_LEVEL
   return level_color(v_bits >> 1) * (0.45 + 0.55 * min(light, 1.15));

@@ -135,6 +135,20 @@ def test_skirts_hide_cracks_that_are_really_there(store, terrain, instrument) ->
     assert seen["none"] > 0
 
 
+def test_skirts_are_no_dark_dots(store, terrain) -> None:
+    view = lod.CameraPath.flyover(terrain, frames=120).view(65, size=(1280, 720))
+    pictures = []
+    for cracks in ("skirt", "none"):
+        session = store.core.session({"stream": False, "cracks": cracks})
+        pictures.append(
+            session.draw(session.select(view, _core.Budget(pixel_error=1.0)), view).image[..., :3].astype(float)
+        )
+    filled = np.abs(pictures[0] - pictures[1]).max(axis=2) > 0
+    assert filled.sum() > 20
+    # Lit like level ground: on the average of the terrain, not a third of it as a wall in the shade.
+    assert pictures[0][filled].mean() > 0.75 * pictures[0].mean()
+
+
 @pytest.mark.parametrize("spec", ["earth", "fractal:size=1025"])
 def test_triangles_fall_with_the_budget(spec: str, tmp_path: Path) -> None:
     field = lod.datasets.load(spec)
