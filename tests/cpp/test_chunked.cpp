@@ -264,6 +264,19 @@ TEST_CASE("whole heights are kept exactly and finest_error 0 loses nothing") {
   }
 }
 
+TEST_CASE("what fills a void does not make whole heights inexact") {
+  const Field field(
+      40, 50,
+      [&](int r, int c) { return r == 7 && c == 9 ? 20.3f : static_cast<float>((r * 7 + c * 3) % 41); }, 1.0);
+  std::vector<uint8_t> valid(40 * 50, 1);
+  valid[7 * 50 + 9] = 0;
+  field.field->valid = valid.data();
+  const ChunkedHierarchy tree(build(field, {{"leaf", int64_t{16}}}));
+  for (const Node& node : tree.node) {
+    if (node.level + 1 == tree.levels) CHECK(node.error == 0.0);
+  }
+}
+
 TEST_CASE("one thread or many, twice: the same content") {
   const Field field = fractal(200, 300);
   std::string hash;

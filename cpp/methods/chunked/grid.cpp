@@ -237,7 +237,9 @@ Grid::Grid(const HeightField& field, const Layout& layout)
       const double h = field.heights[i];
       const double value = std::round(h / quantizer_.quantum) - static_cast<double>(quantizer_.base);
       samples_[static_cast<size_t>(i)] = static_cast<uint16_t>(value);
-      worst = std::max(worst, std::abs(h - quantizer_.height(value)));
+      // What fills a void is nobody's measurement: it may lie between quanta.
+      if (field.valid == nullptr || field.valid[i] != 0)
+        worst = std::max(worst, std::abs(h - quantizer_.height(value)));
     }
     const std::lock_guard lock(mutex);
     quantizer_.residual = std::max(quantizer_.residual, worst);

@@ -22,7 +22,7 @@ namespace lodlab::chunked {
 struct Quantizer {
   double quantum = 1.0;
   int64_t base = 0;
-  double residual = 0.0;  ///< largest |source - quantized| over all samples, source units
+  double residual = 0.0;  ///< largest |source - quantized| over all real samples, source units
 
   double height(double k) const { return quantum * (k + static_cast<double>(base)); }
 };
