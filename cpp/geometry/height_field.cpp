@@ -17,12 +17,12 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "geometry/angles.h"
 
 namespace lodlab {
 namespace {
 
 constexpr int64_t kMaxSamples = int64_t{1} << 31;
-constexpr double kRadians = 0.017453292519943295769;
 constexpr double kAngleSlack = 1e-6;  // degrees; geotransforms carry the rounding of their decimals
 
 std::string number(double value) {
@@ -168,7 +168,7 @@ class FlatJson {
 glm::dvec2 cos_sin_degrees(double degrees) {
   const double turn = std::remainder(degrees, 360.0);  // exact
   const double quarter = std::nearbyint(turn / 90.0);
-  const double rest = (turn - quarter * 90.0) * kRadians;  // the difference is exact too
+  const double rest = (turn - quarter * 90.0) * kRadiansPerDegree;  // the difference is exact too
   const double c = std::cos(rest), s = std::sin(rest);
   switch ((static_cast<int>(quarter) + 4) % 4) {
     case 0:

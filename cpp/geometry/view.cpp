@@ -5,11 +5,10 @@
 #include <string>
 
 #include "base/errors.h"
+#include "geometry/angles.h"
 
 namespace lodlab {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 constexpr double kFarthest = 1e36;  // coordinates and their differences fit 32-bit floats
 
@@ -79,7 +78,7 @@ Camera make_camera(const View& view) {
   camera.width = view.width;
   camera.height = view.height;
   camera.near_plane = view.near_plane > 0.0 ? view.near_plane : 1e-4 * glm::length(axis);
-  camera.tan_h = std::tan(0.5 * view.fov * kDegree);
+  camera.tan_h = std::tan(0.5 * view.fov * kRadiansPerDegree);
   camera.tan_v = camera.tan_h * view.height / view.width;
   camera.K = view.width / (2.0 * camera.tan_h);
   camera.s = std::sqrt(1.0 + camera.tan_h * camera.tan_h + camera.tan_v * camera.tan_v);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/errors.h"
+#include "geometry/angles.h"
 #include "geometry/bounds.h"
 #include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
@@ -75,8 +76,7 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
 /// Refuses an eye so far away that neighbouring samples fall together: nothing can be told apart there.
 void Instrument::check_near(const glm::dvec3& eye) const {
   const HeightField& f = *field_;
-  constexpr double kRadians = 0.017453292519943295769;
-  const double step = f.planet ? f.dlat * kRadians * f.radius : std::min(f.dx, f.dy);
+  const double step = f.planet ? f.dlat * kRadiansPerDegree * f.radius : std::min(f.dx, f.dy);
   double reach = glm::length(eye) + f.radius;
   double resolved = 2.0 * float_step(reach) / step;
   if (!f.planet) {

@@ -5,13 +5,13 @@
 // and a triangle that holds a pole takes part of every longitude.
 #include <cmath>
 
+#include "geometry/angles.h"
 #include "instrument/slack.h"
 #include "instrument/surface_writer.h"
 
 namespace lodlab::instrument {
 namespace {
 
-constexpr double kRadians = 0.017453292519943295769;
 /// Margin of a range, in samples; candidates are tested, so more only costs time.
 constexpr double kMargin = 1e-6;
 /// Rays this close to an edge (radians) are on it: the rounding of the test itself.
@@ -90,9 +90,9 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
     }
   }
   if (high > 0.0)
-    row_lo = std::min(row_lo, (frame.lat0 - std::asin(std::min(high, 1.0)) / kRadians) / frame.dlat);
+    row_lo = std::min(row_lo, (frame.lat0 - std::asin(std::min(high, 1.0)) / kRadiansPerDegree) / frame.dlat);
   if (low > 0.0)
-    row_hi = std::max(row_hi, (frame.lat0 + std::asin(std::min(low, 1.0)) / kRadians) / frame.dlat);
+    row_hi = std::max(row_hi, (frame.lat0 + std::asin(std::min(low, 1.0)) / kRadiansPerDegree) / frame.dlat);
   const bool any_pole = c[0].pole || c[1].pole || c[2].pole;
   const bool around = !any_pole && (std::abs(winding) > 0.5 * turn || col_hi - col_lo > 0.5 * turn - 1.0);
   if (around) {  // it holds a pole, or an edge passes over one
@@ -105,10 +105,11 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
     col_hi = turn;
   }
   const double radius = glm::length(c[0].at);
-  const double row_margin = kMargin + slack / (radius * frame.dlat * kRadians);
+  const double row_margin = kMargin + slack / (radius * frame.dlat * kRadiansPerDegree);
   const double col_margin =
       kMargin +
-      2.0 * slack / (std::max(std::hypot(first.at.x, first.at.y), slack) * frame.dlon * kRadians + 1e-300);
+      2.0 * slack /
+          (std::max(std::hypot(first.at.x, first.at.y), slack) * frame.dlon * kRadiansPerDegree + 1e-300);
   const double rows = static_cast<double>(frame.rows), cols = static_cast<double>(frame.cols);
   const auto whole = [](double value, double lo, double hi) {
     return static_cast<int64_t>(std::min(std::max(value, lo), hi));

@@ -3,13 +3,9 @@
 
 #include <cmath>
 
+#include "geometry/angles.h"
+
 namespace lodlab::instrument {
-namespace {
-
-constexpr double kDegrees = 57.295779513082320877;
-
-}  // namespace
-
 SampleGrid::SampleGrid(const FieldFrame& frame) : frame_(frame) {
   if (!frame_.planet) return;
   for (int64_t row = 0; row < frame_.rows; ++row) {
@@ -25,8 +21,8 @@ glm::dvec2 SampleGrid::coordinates(const glm::dvec3& relative, const glm::dvec3&
     return {((eye.x - frame_.x0) + relative.x) / frame_.dx, ((frame_.y0 - eye.y) - relative.y) / frame_.dy};
   }
   const glm::dvec3 p = eye + relative;
-  const double lon = std::atan2(p.y, p.x) * kDegrees;
-  const double lat = std::atan2(p.z, std::hypot(p.x, p.y)) * kDegrees;
+  const double lon = std::atan2(p.y, p.x) * kDegreesPerRadian;
+  const double lat = std::atan2(p.z, std::hypot(p.x, p.y)) * kDegreesPerRadian;
   const double row = (frame_.lat0 - lat) / frame_.dlat;
   if (frame_.wraps) {
     const double period = static_cast<double>(frame_.cols);
@@ -44,8 +40,8 @@ int SampleGrid::borders(const glm::dvec3& relative, const glm::dvec3& eye, doubl
   double col_step = frame_.dx, row_step = frame_.dy;
   if (frame_.planet) {
     const glm::dvec3 p = eye + relative;
-    row_step = glm::length(p) * frame_.dlat / kDegrees;
-    col_step = std::hypot(p.x, p.y) * frame_.dlon / kDegrees;
+    row_step = glm::length(p) * frame_.dlat / kDegreesPerRadian;
+    col_step = std::hypot(p.x, p.y) * frame_.dlon / kDegreesPerRadian;
   }
   const auto on = [&](double value, int64_t line, double step) {
     return std::abs(value - static_cast<double>(line)) * step <= tolerance;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "geometry/angles.h"
 #include "geometry/coverage.h"
 
 namespace lodlab::render {
@@ -15,15 +16,15 @@ static_assert(offsetof(CameraBlock, spacing) == 80 && offsetof(CameraBlock, eye_
 static_assert(offsetof(CameraBlock, eye_world) == 96 && offsetof(CameraBlock, tint) == 112);
 static_assert(offsetof(CameraBlock, cells) == 128 && offsetof(CameraBlock, planet) == 160);
 
-constexpr double kDegrees = 57.295779513082320877;
 constexpr double kFarthestCell = 1 << 30;
 
 /// The eye's place on the grid, (column, row) with fractions.
 glm::dvec2 eye_on_grid(const glm::dvec3& eye, const FieldFrame& frame) {
   if (!frame.planet) return {(eye.x - frame.x0) / frame.dx, (frame.y0 - eye.y) / frame.dy};
   const double length = glm::length(eye);
-  const double latitude = length > 0.0 ? std::asin(std::clamp(eye.z / length, -1.0, 1.0)) * kDegrees : 0.0;
-  const double east = std::atan2(eye.y, eye.x) * kDegrees - frame.lon0;
+  const double latitude =
+      length > 0.0 ? std::asin(std::clamp(eye.z / length, -1.0, 1.0)) * kDegreesPerRadian : 0.0;
+  const double east = std::atan2(eye.y, eye.x) * kDegreesPerRadian - frame.lon0;
   return {(east - 360.0 * std::floor(east / 360.0)) / frame.dlon, (frame.lat0 - latitude) / frame.dlat};
 }
 
