@@ -5,6 +5,7 @@
 //   pybind11::class_<PyStore, std::shared_ptr<PyStore>>(m.attr("Store")).def("session", ...).
 #pragma once
 
+#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
 #include <map>
@@ -29,6 +30,12 @@ std::map<std::string, OptionValue> options_from_dict(const std::string& owner, c
 
 /// Resolved options as a dict of Python values.
 pybind11::dict options_to_dict(const Options& options);
+
+/// A view of native memory that Python may not write to.
+inline void make_read_only(const pybind11::array& array) {
+  namespace detail = pybind11::detail;
+  detail::array_proxy(array.ptr())->flags &= ~detail::npy_api::NPY_ARRAY_WRITEABLE_;
+}
 
 void bind_field(pybind11::module_& m);
 void bind_store(pybind11::module_& m);

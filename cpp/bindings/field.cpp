@@ -73,7 +73,7 @@ std::shared_ptr<HeightField> make(const Floats& heights, const std::optional<Mas
 template <class T>
 py::array_t<T> view_of(const T* data, const py::object& self, const HeightField& field) {
   py::array_t<T> out({field.rows, field.cols}, data, self);
-  py::detail::array_proxy(out.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+  make_read_only(out);
   return out;
 }
 

@@ -79,10 +79,6 @@ class PyInstrument {
   std::shared_ptr<const render::FieldResources> resources_;
 };
 
-void make_read_only(const py::array& array) {
-  py::detail::array_proxy(array.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
-}
-
 /// The middle (height, width, 4) of a picture, read-only; keeps its owner alive.
 py::object picture_of(const py::object& owner, const render::Picture& picture, int width, int height) {
   const py::ssize_t row = 4 * static_cast<py::ssize_t>(picture.width);

@@ -7,27 +7,23 @@
 
 namespace lodlab::gl {
 
-Texture Texture::target(unsigned format, int width, int height) {
+Texture::Texture(unsigned target, int width, int height) : width_(width), height_(height) {
   ensure_context();
-  Texture texture;
   unsigned name = 0;
-  glCreateTextures(GL_TEXTURE_2D, 1, &name);
-  texture.handle_ = Handle<Kind::kTexture>(name);
-  texture.width_ = width;
-  texture.height_ = height;
-  glTextureStorage2D(name, 1, format, width, height);
+  glCreateTextures(target, 1, &name);
+  handle_ = Handle<Kind::kTexture>(name);
+}
+
+Texture Texture::target(unsigned format, int width, int height) {
+  Texture texture(GL_TEXTURE_2D, width, height);
+  glTextureStorage2D(texture.id(), 1, format, width, height);
   check("glTextureStorage2D");
   return texture;
 }
 
 Texture Texture::array(unsigned format, int width, int height, int layers, int levels) {
-  ensure_context();
-  Texture texture;
-  unsigned name = 0;
-  glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &name);
-  texture.handle_ = Handle<Kind::kTexture>(name);
-  texture.width_ = width;
-  texture.height_ = height;
+  Texture texture(GL_TEXTURE_2D_ARRAY, width, height);
+  const unsigned name = texture.id();
   glTextureStorage3D(name, levels, format, width, height, layers);
   glTextureParameteri(name, GL_TEXTURE_MIN_FILTER, levels > 1 ? GL_LINEAR_MIPMAP_LINEAR : GL_LINEAR);
   glTextureParameteri(name, GL_TEXTURE_MAG_FILTER, GL_LINEAR);

@@ -27,6 +27,8 @@ class Texture {
   explicit operator bool() const { return static_cast<bool>(handle_); }
 
  private:
+  Texture(unsigned target, int width, int height);  ///< named, without storage
+
   Handle<Kind::kTexture> handle_;
   int width_ = 0, height_ = 0;
 };

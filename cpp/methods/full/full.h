@@ -68,6 +68,8 @@ class FullSession : public Session {
   int64_t resident_bytes() const override;
 
  private:
+  Cut everything() const;  ///< the one cut there is, of no view
+
   std::shared_ptr<const FullHierarchy> hierarchy_;
   std::string options_json_;
   struct Gpu;  // GL objects, made by the first draw

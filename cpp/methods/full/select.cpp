@@ -5,15 +5,20 @@
 
 namespace lodlab::full {
 
-Cut FullSession::select(const View& view, const Budget&) {
-  make_camera(view);  // refuses views that are none
+Cut FullSession::everything() const {
   Cut cut;
-  cut.view = view;
   cut.nodes = {CutNode{}};
   cut.tau = 0.0;
   cut.triangles = hierarchy_->triangles();
   cut.visible_nodes = 1;
   cut.options = options_json_;
+  return cut;
+}
+
+Cut FullSession::select(const View& view, const Budget&) {
+  make_camera(view);  // refuses views that are none
+  Cut cut = everything();
+  cut.view = view;
   return cut;
 }
 
@@ -28,13 +33,7 @@ Cut FullSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_
   if (!resolutions.empty() && (resolutions.size() != 1 || resolutions[0] != 0)) {
     throw InvalidInput("cut: `full` has resolution 0 alone");
   }
-  Cut cut;
-  cut.nodes = {CutNode{}};
-  cut.tau = 0.0;
-  cut.triangles = hierarchy_->triangles();
-  cut.visible_nodes = 1;
-  cut.options = options_json_;
-  return cut;
+  return everything();
 }
 
 }  // namespace lodlab::full
