@@ -11,6 +11,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import tempfile
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -80,6 +81,13 @@ def float_slack(capture: _core.Capture, view: _core.View) -> float:
         return 0.0
     far = np.linalg.norm(capture.triangles.reshape(-1, 3) - np.asarray(view.eye), axis=1).max()
     return 4.0 * far * 2.0**-23
+
+
+def scratch() -> Path:
+    """A folder for stores that tests without a `tmp_path` of their own (hypothesis) build again and again."""
+    folder = Path(tempfile.gettempdir()) / f"lodlab-contract-{os.getpid()}"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 class Measured:
@@ -197,8 +205,7 @@ class MethodContract:
 
     def smallest(self) -> _core.Session:
         field = lod.HeightField(FIELDS["smallest"]())
-        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
-        folder.mkdir(exist_ok=True)
+        folder = scratch()
         return lod.build(field, self.method, folder / f"{self.method}.lod", progress=False, mode="force").core.session(
             {}
         )
@@ -271,8 +278,7 @@ class MethodContract:
     @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
     @given(seed=st.integers(0, 2**31), rows=st.integers(2, 90), cols=st.integers(2, 90), split=st.floats(0.1, 0.9))
     def test_random_valid_cuts_hold_their_bounds(self, seed: int, rows: int, cols: int, split: float) -> None:
-        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
-        folder.mkdir(exist_ok=True)
+        folder = scratch()
         field = lod.HeightField(_core.fractal(rows, cols, seed % 997, 0, seed=2, roughness=0.5))
         store = lod.build(field, self.method, folder / "random.lod", progress=False, mode="force", **self.build_options)
         full = lod.build(field, "full", folder / "random-full.lod", progress=False, mode="force")
@@ -305,8 +311,7 @@ class MethodContract:
 
     def any_session(self) -> _core.Session:
         if self.method not in self._any:
-            folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"lodlab-contract-{os.getpid()}"
-            folder.mkdir(exist_ok=True)
+            folder = scratch()
             field = lod.HeightField(FIELDS["odd"]())
             store = lod.build(field, self.method, folder / f"{self.method}-any.lod", progress=False, mode="force")
             self._any[self.method] = store.core.session({})

@@ -157,7 +157,6 @@ std::map<EdgeKey, Edge> edges_of(const ChunkedHierarchy& tree) {
   std::map<EdgeKey, Edge> edges;
   for (size_t id = 0; id < tree.node.size(); ++id) {
     const Node& node = tree.node[id];
-    const int side = tree.root_side >> node.level;
     const Mesh mesh = mesh_of(tree, id);
     for (uint32_t i = mesh.head.surface_indices; i < mesh.head.indices; i += 3) {
       const Vertex* v[3];
@@ -176,7 +175,6 @@ std::map<EdgeKey, Edge> edges_of(const ChunkedHierarchy& tree) {
         (bottom ? edge.low : edge.high)[at] = {v[k]->z, v[k]->target};
       }
     }
-    (void)side;
   }
   return edges;
 }

@@ -54,7 +54,6 @@ def largest_jump(store, terrain, instrument, **options: object) -> tuple[float, 
         if split is None:
             continue
         above, below = split
-        before, after = session.capture(above, view), session.capture(below, view)
         assert len(above.nodes) != len(below.nodes)
         jump = instrument.jump(session, above, below, view)
         worst = max(worst, jump[0])
@@ -62,7 +61,6 @@ def largest_jump(store, terrain, instrument, **options: object) -> tuple[float, 
         quantum_px = max(
             quantum_px, store.info()["quantum"] * 640 / 2 / np.tan(np.radians(30)) / max(nearest, view.near)
         )
-        del before, after
     return worst, quantum_px
 
 
