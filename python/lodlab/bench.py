@@ -8,6 +8,8 @@ options, seed}``; ``ratio`` is always "larger is better" and carries the ends of
 
 Times are taken inside the core, so that no interpreter stands between the two clocks. Nothing is measured on
 fewer than five repeats, and medians are compared, never means.
+
+Longer than other files: a function a benchmark, and nothing that two of them do not share.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ project; `timeline`: the frames of runs along their path.
 
 Legible at 700 pixels' width: direct labels instead of legends, colours of Okabe and Ito (told apart by
 colour-blind readers) with a marker shape for each method, and a light and a dark dress.
+
+Longer than other files: both charts share its scales, marks and dresses.
 """
 
 from __future__ import annotations

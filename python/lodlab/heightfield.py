@@ -3,6 +3,8 @@
 
 Sample (row, column) lies at x = x0 + column dx, y = y0 - row dy; row 0 is north. Voids are filled smoothly
 for the core and stay NaN at this face. The native object (`_core`) is immutable.
+
+Longer than other files: one class, and a typed refusal for every kind of array that is no height field.
 """
 
 from __future__ import annotations

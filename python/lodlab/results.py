@@ -7,6 +7,8 @@
 Invariant: a run counts as done when its row stands in `summary.csv`. Its frames are appended (and
 synced) before that row, so a killed sweep leaves at most frames without a summary; they are dropped when
 the directory is opened for writing again, and the run is repeated.
+
+Longer than other files: columns, tables, provenance and resumption rest on that one invariant.
 """
 
 from __future__ import annotations
