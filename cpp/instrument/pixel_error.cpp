@@ -12,27 +12,42 @@ namespace lodlab::instrument {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kNothing = -1.0;  ///< at a pixel without a surface
 
-/// The point that a pixel's centre shows at this distance along the view axis, relative to the eye.
-glm::dvec3 unproject(const Camera& camera, int x, int y, double depth) {
-  const double right = (x + 0.5 - 0.5 * camera.width) / camera.K,
-               up = (0.5 * camera.height - y - 0.5) / camera.K;
-  return depth * (camera.forward + right * camera.right + up * camera.up);
-}
-
-glm::dvec3 up_at(const SampleGrid& grid, const glm::dvec3& relative, const glm::dvec3& eye) {
-  return grid.frame().planet ? glm::normalize(eye + relative) : glm::dvec3(0.0, 0.0, 1.0);
-}
-
-void check(const render::Picture& reference, const Camera& camera) {
+void check(const render::Picture& picture, const Camera& camera) {
   const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
-  if (reference.width == camera.width && reference.height == camera.height &&
-      reference.depth.size() == pixels)
+  if (picture.width == camera.width && picture.height == camera.height && picture.depth.size() == pixels)
     return;
-  throw InvalidInput("measure: the reference is " + std::to_string(reference.width) + " x " +
-                     std::to_string(reference.height) + " with " + std::to_string(reference.depth.size()) +
+  throw InvalidInput("measure: the picture is " + std::to_string(picture.width) + " x " +
+                     std::to_string(picture.height) + " with " + std::to_string(picture.depth.size()) +
                      " depths; the view is " + std::to_string(camera.width) + " x " +
                      std::to_string(camera.height));
+}
+
+/// Calls `distance(point, place, up)` at every covered pixel: the point relative to the eye, its fractional
+/// (column, row), local up there. Row by row; kNothing where the picture is empty.
+template <class Distance>
+std::vector<double> at_pixels(const SampleGrid& grid, const render::Picture& picture, const Camera& camera,
+                              const Distance& distance) {
+  check(picture, camera);
+  std::vector<double> out(picture.depth.size(), kNothing);
+  parallel_for(camera.height, 8, [&](int64_t begin, int64_t end) {
+    for (int64_t y = begin; y < end; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const size_t pixel = static_cast<size_t>(y * camera.width + x);
+        const double depth = picture.depth[pixel];
+        if (!std::isfinite(depth)) continue;
+        const glm::dvec3 point = unproject(camera, x, static_cast<int>(y), depth);
+        out[pixel] = distance(point, grid.coordinates(point, camera.eye), up_at(grid, point, camera.eye));
+      }
+    }
+  });
+  return out;
+}
+
+/// From a point to where it lies after a displacement; no displacement is no distance, whatever rounding does.
+double moved(const Camera& camera, const glm::dvec3& point, const glm::dvec3& displacement) {
+  return displacement == glm::dvec3(0.0) ? 0.0 : screen_distance(camera, point, point + displacement);
 }
 
 }  // namespace
@@ -61,33 +76,42 @@ double interpolated_deviation(const FieldFrame& frame, const DrawnSurface& surfa
 
 PixelError pixel_error(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
                        const render::Picture& reference, const Camera& camera) {
-  check(reference, camera);
-  std::vector<double> distances(reference.depth.size(), -1.0);  // -1: nothing there
-  parallel_for(camera.height, 8, [&](int64_t begin, int64_t end) {
-    for (int64_t y = begin; y < end; ++y) {
-      for (int x = 0; x < camera.width; ++x) {
-        const size_t pixel = static_cast<size_t>(y * camera.width + x);
-        const double depth = reference.depth[pixel];
-        if (!std::isfinite(depth)) continue;
-        const glm::dvec3 point = unproject(camera, x, static_cast<int>(y), depth);
-        const double deviation = interpolated_deviation(field, surface, grid.coordinates(point, camera.eye));
-        const glm::dvec3 drawn = point + deviation * up_at(grid, point, camera.eye);
-        distances[pixel] = std::isnan(deviation) ? kInfinite
-                           : deviation == 0.0    ? 0.0
-                                                 : screen_distance(camera, point, drawn);
-      }
-    }
+  return summarize(at_pixels(
+      grid, reference, camera, [&](const glm::dvec3& point, const glm::dvec2& place, const glm::dvec3& up) {
+        const double deviation = interpolated_deviation(field, surface, place);
+        return std::isnan(deviation) ? kInfinite : moved(camera, point, deviation * up);
+      }));
+}
+
+double jumping_share(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
+                     const DrawnSurface& after, const render::Picture& reference, const Camera& camera) {
+  const std::vector<double> distances = at_pixels(
+      grid, reference, camera, [&](const glm::dvec3& point, const glm::dvec2& place, const glm::dvec3& up) {
+        const double from = interpolated_deviation(field, before, place);
+        const double to = interpolated_deviation(field, after, place);
+        if (std::isnan(from) || std::isnan(to)) return kNothing;
+        return moved(camera, point + from * up, (to - from) * up);
+      });
+  int64_t seen = 0, jumped = 0;
+  for (const double distance : distances) {
+    seen += distance >= 0.0 ? 1 : 0;
+    jumped += distance > 1.0 ? 1 : 0;
+  }
+  return seen == 0 ? kUndefined : static_cast<double>(jumped) / static_cast<double>(seen);
+}
+
+std::vector<float> error_picture(const HeightField& field, const SampleGrid& grid,
+                                 const DrawnSurface& surface, const render::Picture& drawn,
+                                 const Camera& camera) {
+  const std::vector<double> distances = at_pixels(
+      grid, drawn, camera, [&](const glm::dvec3& point, const glm::dvec2& place, const glm::dvec3& up) {
+        const double deviation = interpolated_deviation(field, surface, place);
+        return std::isnan(deviation) ? kInfinite : moved(camera, point, -deviation * up);
+      });
+  std::vector<float> out(distances.size());
+  std::transform(distances.begin(), distances.end(), out.begin(), [](double distance) {
+    return static_cast<float>(distance < 0.0 ? kUndefined : distance);
   });
-  std::erase(distances, -1.0);
-  PixelError out;
-  out.pixels = static_cast<int64_t>(distances.size());
-  if (distances.empty()) return out;
-  double squares = 0.0;
-  for (const double distance : distances) squares += distance * distance;
-  out.rms = std::sqrt(squares / static_cast<double>(distances.size()));
-  const auto rank = distances.begin() + static_cast<int64_t>((distances.size() * 99 + 99) / 100) - 1;
-  std::nth_element(distances.begin(), rank, distances.end());
-  out.p99 = *rank;
   return out;
 }
 

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// From pixels back to points, and what a set of distances on the screen comes to.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "geometry/view.h"
+#include "instrument/sample_error.h"
+#include "instrument/sample_grid.h"
+
+namespace lodlab::instrument {
+
+/// The point that a pixel's centre shows at this distance along the view axis, relative to the eye.
+inline glm::dvec3 unproject(const Camera& camera, int x, int y, double depth) {
+  const double right = (x + 0.5 - 0.5 * camera.width) / camera.K,
+               up = (0.5 * camera.height - y - 0.5) / camera.K;
+  return depth * (camera.forward + right * camera.right + up * camera.up);
+}
+
+/// Local up at a point relative to the eye.
+inline glm::dvec3 up_at(const SampleGrid& grid, const glm::dvec3& relative, const glm::dvec3& eye) {
+  return grid.frame().planet ? glm::normalize(eye + relative) : glm::dvec3(0.0, 0.0, 1.0);
+}
+
+struct PixelError {
+  double p99 = kUndefined;  ///< the value that 99 % of the covered pixels do not exceed (nearest rank)
+  double rms = kUndefined;
+  int64_t pixels = 0;  ///< covered pixels; nan above when there are none
+};
+
+/// Of the distances at all pixels; negative: nothing is there.
+inline PixelError summarize(std::vector<double> distances) {
+  std::erase_if(distances, [](double distance) { return distance < 0.0; });
+  PixelError out;
+  out.pixels = static_cast<int64_t>(distances.size());
+  if (distances.empty()) return out;
+  double squares = 0.0;
+  for (const double distance : distances) squares += distance * distance;
+  out.rms = std::sqrt(squares / static_cast<double>(distances.size()));
+  const auto rank = distances.begin() + static_cast<int64_t>((distances.size() * 99 + 99) / 100) - 1;
+  std::nth_element(distances.begin(), rank, distances.end());
+  out.p99 = *rank;
+  return out;
+}
+
+}  // namespace lodlab::instrument
