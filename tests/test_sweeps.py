@@ -37,7 +37,7 @@ def stable(frames):
 
 
 def stable_summary(summary):
-    times = [f"{c}_{s}" for c in TIMES for s in ("median", "p95", "p99")]
+    times = [f"{c}_{s}" for c in TIMES for s in ("median", "p95", "p99", "median_low", "median_high")]
     return summary.drop(columns=[*times, "build_seconds", "store_bytes"])
 
 

@@ -217,11 +217,12 @@ def store_for(
 
 @dataclass
 class Recording:
-    """What the speed pass leaves: a view, a cut and its costs per frame."""
+    """What the speed pass leaves: a view, a cut and its costs per frame; times (passes, frames, 3), ms."""
 
     views: list[Any]
     cuts: list[Any]
     costs: list[dict[str, Any]]
+    times: np.ndarray
 
 
 def accuracy_indices(frames: int, count: int) -> list[int]:
@@ -262,7 +263,15 @@ def speed_pass(session: Any, views: Sequence[Any], budget: Any, *, repeat: int, 
             tick()
     for cost, values in zip(costs, np.median(times, axis=0), strict=True):
         cost.update(zip(results.TIME_COLUMNS, values.tolist(), strict=True))
-    return Recording(list(views), cuts, costs)
+    return Recording(list(views), cuts, costs, times)
+
+
+def timed(store: Store, views: Sequence[Any], flight: Flight, *, tick: Any = lambda: None) -> tuple[Any, Recording]:
+    """The speed pass of one flight, and the session that it opened."""
+    budget = check_budget(store.method, flight.budget)
+    session = store.core.session(flight.options)
+    streams = bool(flight.options.get("stream", False))
+    return session, speed_pass(session, views, budget, repeat=flight.repeat, streams=streams, tick=tick)
 
 
 def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Mapping[int, dict]) -> list[dict]:
@@ -359,15 +368,12 @@ def perform(
 ) -> Flown:
     """Both passes and the pictures of one flight. `tick()` is called after every frame of either pass."""
     flight.check()
-    budget = check_budget(store.method, flight.budget)
     views = list(path.views(flight.size, flight.fov))
     indices = accuracy_indices(len(views), flight.accuracy_frames)
     if indices and yardstick is None:
         yardstick = Yardstick(store.source, options=look_of(store))
-    streams = bool(flight.options.get("stream", False))
-    session = store.core.session(flight.options)
-    recording = speed_pass(session, views, budget, repeat=flight.repeat, streams=streams, tick=tick)
-    if streams:
+    session, recording = timed(store, views, flight, tick=tick)
+    if flight.options.get("stream", False):
         session = store.core.session(still(store.method, flight.options))
     measured: dict[int, dict[str, Any]] = {}
     for f in indices:
@@ -377,6 +383,13 @@ def perform(
     if folder is not None:
         make_pictures(folder, flight, rows, recording, session, yardstick if indices else None)
     return Flown(rows, recording, session, yardstick)
+
+
+def summary_of(flown: Flown, store: Store) -> dict[str, Any]:
+    """The row of `summary.csv` of a finished run."""
+    return results.summarize(
+        flown.rows, store_bytes=store.bytes, build_seconds=store.build_seconds, times=flown.recording.times
+    )
 
 
 def check_capture(frames: Any) -> None:

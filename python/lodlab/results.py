@@ -2,7 +2,7 @@
 """The run directory: what a run leaves on disk, so that it can be read, charted, repeated and resumed.
 
 `config.toml` (frozen configuration), `provenance.json`, `frames.csv` (a row a frame), `summary.csv`
-(a row a run), `images/`, `stores/`, and what `report` makes of them.
+(a row a run), `noise.csv` (one run timed twice), `images/`, `stores/`, and what `report` makes of them.
 
 Invariant: a run counts as done when its row stands in `summary.csv`. Its frames are appended (and
 synced) before that row, so a killed sweep leaves at most frames without a summary; they are dropped when
@@ -35,6 +35,7 @@ from typing import Any
 
 import numpy as np
 
+from . import statistics
 from .errors import InvalidInput, StoreError
 
 KEY_COLUMNS = (
@@ -88,8 +89,10 @@ SUMMARY_COLUMNS = (
     + tuple(f"{c}_{s}" for c in COST_COLUMNS for s in ("median", "p95", "p99"))
     + tuple(f"{c}_{s}" for c in ACCURACY_COLUMNS for s in ("worst", "median"))
     + ("store_bytes", "build_seconds", "gpu_clock", "frames", "accuracy_frames")
+    + tuple(f"{c}_median_{s}" for c in TIME_COLUMNS for s in ("low", "high"))
 )
-_TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock")
+NOISE_COLUMNS = ("run", "column", "ratio", "low", "high", "passes", "jobs")
+_TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock", "column")
 _FLAG_COLUMNS = ("budget_met", "promises_bound", "stream", "accuracy")
 
 
@@ -131,10 +134,13 @@ def short_hash(value: Any) -> str:
     return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
 
 
-def summarize(rows: Sequence[Mapping[str, Any]], *, store_bytes: int, build_seconds: float) -> dict[str, Any]:
+def summarize(
+    rows: Sequence[Mapping[str, Any]], *, store_bytes: int, build_seconds: float, times: np.ndarray | None = None
+) -> dict[str, Any]:
     """The summary row of a run's frame rows: medians and percentiles of costs, worst and median of errors.
 
-    `predicted_px` is known in every frame; the other accuracy columns are taken over the frames that were
+    `times`: (passes, frames, 3) of every timing pass, for the intervals of the medians; the rows' own when left
+    out. `predicted_px` is known in every frame; the other accuracy columns are taken over the frames that were
     measured, and are nan when none was.
     """
     first = rows[0]
@@ -159,6 +165,10 @@ def summarize(rows: Sequence[Mapping[str, Any]], *, store_bytes: int, build_seco
     out["gpu_clock"] = first["gpu_clock"]
     out["frames"] = len(rows)
     out["accuracy_frames"] = sum(1 for r in rows if r["accuracy"])
+    if times is None:
+        times = np.array([[[r[c] for c in TIME_COLUMNS] for r in rows]], dtype=np.float64)
+    for column, (low, high) in zip(TIME_COLUMNS, statistics.median_intervals(times).T.tolist(), strict=True):
+        out[f"{column}_median_low"], out[f"{column}_median_high"] = low, high
     return out
 
 
@@ -177,6 +187,12 @@ def read_table(path: Path | str) -> Any:
         return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
     except ValueError as error:  # what pandas raises for files that are no tables
         raise StoreError(f"read results: {path} is damaged: {error}") from None
+
+
+def read_noise(folder: Path | None) -> Any:
+    """`noise.csv` of a run directory, or None where there is none."""
+    file = None if folder is None else folder / "noise.csv"
+    return read_table(file) if file is not None and file.is_file() else None
 
 
 def table(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Any:
@@ -398,6 +414,12 @@ class RunDirectory:
         for name in ("frames.csv", "summary.csv"):
             rows = self._read(name)
             self._write(name, rows[:1] + sorted(rows[1:], key=lambda row: rank.get(row[0], len(rank))))
+
+    def write_noise(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Writes `noise.csv`: a row for each column of times of the run that was timed twice."""
+        text = io.StringIO(newline="")
+        csv.writer(text).writerows([NOISE_COLUMNS, *([cell(row[c]) for c in NOISE_COLUMNS] for row in rows)])
+        write_atomic(self.path / "noise.csv", text.getvalue())
 
     def provenance(self, **values: Any) -> None:
         """Writes `provenance.json`; keeps the start and the sources of what stands there already."""

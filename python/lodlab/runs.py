@@ -25,6 +25,7 @@ from .passes import (
     path_text,
     perform,
     run_name,
+    summary_of,
     worst_frame,
 )
 from .paths import CameraPath
@@ -172,7 +173,7 @@ def fly(
         yardstick = Yardstick(store.source, stores, progress, look_of(store))
 
     def finish(flown: Flown) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-        return flown.rows, results.summarize(flown.rows, store_bytes=store.bytes, build_seconds=store.build_seconds)
+        return flown.rows, summary_of(flown, store)
 
     total = len(track) * repeat + len(accuracy_indices(len(track), accuracy_frames))
     with tqdm(total=total, desc=flight.name, unit="frame", disable=None if progress else True, leave=False) as bar:

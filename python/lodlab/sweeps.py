@@ -16,7 +16,9 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
-from . import _core, results
+import numpy as np
+
+from . import _core, results, statistics
 from .configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, Task, freeze, plan
 from .errors import InvalidInput, Unsupported
 from .heightfield import HeightField
@@ -30,6 +32,8 @@ from .passes import (
     path_text,
     perform,
     store_for,
+    summary_of,
+    timed,
 )
 from .paths import CameraPath
 from .runs import Run
@@ -86,10 +90,25 @@ class Workshop:
         flown = perform(store, self.path(flight), flight, yardstick=yardstick, folder=self.folder, tick=tick)
         return {
             "rows": flown.rows,
-            "summary": results.summarize(flown.rows, store_bytes=store.bytes, build_seconds=store.build_seconds),
+            "summary": summary_of(flown, store),
             "source_hash": store.source_hash,
             "gl": dict(_core.gl_info()),
         }
+
+    def compare_with_itself(self, task: Task, frames: Any, tick: Callable[[], Any]) -> list[dict[str, Any]]:
+        """The rows of `noise.csv`: a finished run timed once more, against its rows in `frames`."""
+        flight = task.flight
+        views = list(self.path(flight).views(flight.size, flight.fov))
+        _, again = timed(self.prepare(task), views, flight, tick=tick)
+        first = frames[frames["run"] == flight.name]
+        rows = []
+        for column in results.TIME_COLUMNS:
+            second = np.array([cost[column] for cost in again.costs])
+            found = dict(
+                zip(("ratio", "low", "high"), statistics.ratio(first[column].to_numpy(float), second), strict=True)
+            )
+            rows.append({"run": flight.name, "column": column, **found, "passes": flight.repeat})
+        return rows
 
 
 _workshop: Workshop | None = None
@@ -167,14 +186,16 @@ class _Owner:
 class Sweep:
     """The results of a comparison or sweep.
 
-    `frames`, `summary`: DataFrames (`frames.csv`, `summary.csv`); `directory`: where they lie on disk.
+    `frames`, `summary`: DataFrames (`frames.csv`, `summary.csv`); `noise`: that of `noise.csv` (one run timed
+    twice), None where there is none; `directory`: where they lie on disk.
     """
 
-    def __init__(self, directory: Path | None, frames: Any, summary: Any, keep: Any = None):
+    def __init__(self, directory: Path | None, frames: Any, summary: Any, noise: Any = None):
         self.directory = directory
         self.frames = frames
         self.summary = summary
-        self._keep = keep
+        self.noise = noise
+        self._keep: Any = None
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Sweep:
@@ -182,7 +203,8 @@ class Sweep:
         folder = Path(directory)
         if not folder.is_dir():
             raise InvalidInput(f"read results: no directory {folder}")
-        return cls(folder, results.read_table(folder / "frames.csv"), results.read_table(folder / "summary.csv"))
+        frames, summary = (results.read_table(folder / name) for name in ("frames.csv", "summary.csv"))
+        return cls(folder, frames, summary, results.read_noise(folder))
 
     @classmethod
     def of(cls, runs: Sequence[Run]) -> Sweep:
@@ -297,7 +319,13 @@ def _make_all(
     order = [task.flight.name for task in tasks]
     todo = [task for task in tasks if task.flight.name not in directory.done]
     directory.provenance(libraries=dict(_core.libraries()), options_hash=results.short_hash(dict(config)))
-    total, done = sum(map(_frames_of, tasks)), sum(map(_frames_of, tasks)) - sum(map(_frames_of, todo))
+    noise = directory.path / "noise.csv"
+    if todo:
+        noise.unlink(missing_ok=True)
+    twice = _timed_twice(tasks)
+    again = 0 if noise.exists() else twice.flight.frames * twice.flight.repeat
+    total = sum(map(_frames_of, tasks)) + again
+    done = total - sum(map(_frames_of, todo)) - again
     shown = None if progress else True
     with tqdm(total=total, initial=done, desc="runs", unit="frame", disable=shown, leave=False) as bar:
         if not todo:
@@ -313,7 +341,18 @@ def _make_all(
                     gl=result["gl"], libraries=dict(_core.libraries()),
                     sources={task.flight.source: result["source_hash"]},
                 )  # fmt: skip
-    directory.arrange(order)
+        directory.arrange(order)
+        if not noise.exists():
+            bar.set_postfix_str(f"{twice.flight.name} once more")
+            frames = results.read_table(directory.path / "frames.csv")
+            rows = workshop.compare_with_itself(twice, frames, bar.update)
+            directory.write_noise([{**row, "jobs": jobs} for row in rows])
+
+
+def _timed_twice(tasks: Sequence[Task]) -> Task:
+    """The run of the null comparison: the first with a budget, so that whatever drifts has drifted when it is
+    timed again at the end."""
+    return next((task for task in tasks if task.flight.budget), tasks[0])
 
 
 def compare(
