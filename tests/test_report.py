@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import charts, labels, pictures, report, results
+from lodlab import charts, figures, labels, pictures, report, results
 from lodlab.errors import InvalidInput
 
 CONFIG = {
@@ -103,29 +103,6 @@ def test_source_names_cannot_break_the_page(swept):
     summary = swept.summary.copy()
     summary["run"] = "<script>alert(1)</script>"
     assert "<script>" not in report.summary_table(summary)
-
-
-def test_laws_find_what_does_not_hold(swept):
-    frames = swept.frames
-    assert {v for v, _ in report.laws(frames)} <= {"holds", "open"}
-    measured = frames.index[frames["accuracy"] & (frames["method"] == "chunked")][0]
-    for column, value, text in (
-        ("measured_px_max", 99.0, "99.0 over"),
-        ("capture_mismatch_pixels", 7, "7 pixels differ"),
-        ("hole_samples", 3, "3 samples uncovered"),
-    ):
-        bad = frames.copy()
-        bad[column] = bad[column].astype(float)
-        bad.loc[measured, column] = value
-        broken = [t for v, t in report.laws(bad) if v == "broken"]
-        assert any(text in t and f"frame {bad.loc[measured, 'frame']}" in t for t in broken), (column, broken)
-    bad = frames.copy()
-    bad["budget_triangles"] = bad["triangles"] - 1.0
-    assert any("budgets" in t for v, t in report.laws(bad) if v == "broken")
-    full = frames.index[frames["accuracy"] & (frames["method"] == "full")][0]
-    bad = frames.copy()
-    bad.loc[full, "crack_edges"] = 2
-    assert any("everything" in t for v, t in report.laws(bad) if v == "broken")
 
 
 @pytest.mark.parametrize("kind", ["sweep", "run", "runs", "folder"])
@@ -244,7 +221,7 @@ def test_short_numbers(value, text):
      (0.00001, "1.0e-05")],
 )  # fmt: skip
 def test_numbers_for_people(value, text):
-    assert report.number(value) == text
+    assert figures.number(value) == text
 
 
 def test_differences_are_brightened_and_say_so():

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import html
 import json
-import math
 import os
 import re
 from collections.abc import Iterable
@@ -22,11 +21,12 @@ import numpy as np
 
 from . import charts, pictures
 from .errors import InvalidInput
+from .figures import number
+from .laws import judge
 from .results import HEAD, short_source, write_atomic
 from .sweeps import Sweep
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
-SLACK_PX = 0.01  # of law 1, beside four float steps at the distance to the eye
 
 
 # ---- tables ---------------------------------------------------------------------------------------
@@ -49,25 +49,6 @@ COLUMNS = (
 )
 
 
-def number(value: Any) -> str:
-    """A figure for people: three digits, thousands apart, ∞, – for undefined."""
-    if isinstance(value, (bool, np.bool_)):
-        return "yes" if value else "no"
-    value = value if isinstance(value, int) else float(value)
-    if math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞"
-    if value == 0:
-        return "0"
-    if isinstance(value, int) or abs(value) >= 1000:
-        return f"{value:,.0f}".replace(",", "\u202f")
-    if abs(value) < 0.001:
-        return f"{value:.1e}"
-    digits = max(0, 2 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(digits, 4)}f}"
-
-
 def summary_table(summary: Any) -> str:
     """The runs as an HTML table."""
     head = "".join(f"<th>{title}</th>" for _, title, _ in COLUMNS)
@@ -82,79 +63,6 @@ def summary_table(summary: Any) -> str:
         cells = "".join(f"<td>{forms[kind](row[column])}</td>" for column, _, kind in COLUMNS)
         body.append(f"<tr>{cells}</tr>")
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
-
-
-# ---- laws -----------------------------------------------------------------------------------------
-
-
-def laws(frames: Any, viewport_width: int = 1280, fov: float = 60.0) -> list[tuple[str, str]]:
-    """(verdict, sentence) for each law that a run's rows can show: `holds`, `broken` or `open`."""
-    pixels_per_unit = viewport_width / (2.0 * math.tan(math.radians(fov) / 2.0))
-    slack = SLACK_PX + 4.0 * float(np.finfo(np.float32).eps) * pixels_per_unit
-    measured = frames[frames["accuracy"] & frames["measured_px_max"].notna()]
-    out = [_law_error(measured[measured["promises_bound"]], slack), _law_budgets(frames), _law_met(frames)]
-    full = measured[measured["method"] == charts.BASELINE]
-    if len(full):
-        bad = full[(full["measured_px_max"] > slack) | (full["crack_edges"] > 0) | (full["crack_pixels"] > 0)]
-        text = f"Drawing everything measures zero error and zero cracks ({len(full)} frames)"
-        out.append(_verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} px"))
-    if len(measured):
-        text = f"The captured triangles are the ones that were drawn ({len(measured)} frames, depth compared)"
-        bad = measured[measured["capture_mismatch_pixels"] > 0]
-        out.append(_verdict(text, bad, lambda r: f"{number(int(r['capture_mismatch_pixels']))} pixels differ"))
-        bad = measured[measured["hole_samples"] > 0]
-        text = f"Every sample of the source is covered ({len(measured)} frames)"
-        out.append(_verdict(text, bad, lambda r: f"{number(int(r['hole_samples']))} samples uncovered"))
-        out.append(_law_cracks(measured))
-    return out
-
-
-def _verdict(text: str, bad: Any, what: Any) -> tuple[str, str]:
-    if not len(bad):
-        return "holds", text + "."
-    row = bad.iloc[0]
-    return "broken", f"{text}: not in {len(bad)}, first in {row['run']}, frame {row['frame']} ({what(row)})."
-
-
-def _law_error(rows: Any, slack: float) -> tuple[str, str]:
-    if not len(rows):
-        return "open", "No measured frame promises a bound."
-    bad = rows[rows["measured_px_max"] > rows["predicted_px"] + slack]
-    ratio = (rows["measured_px_max"] / rows["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
-    tight = f"; in the median it is {100 * ratio.median():.0f} % of it" if len(ratio) else ""
-    text = f"The measured error stays within the predicted one in all {len(rows)} frames that promise it{tight}"
-    return _verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} over {number(r['predicted_px'])} px")
-
-
-def _law_budgets(frames: Any) -> tuple[str, str]:
-    rows = frames[frames["budget_triangles"].notna() | frames["budget_nodes"].notna()]
-    if not len(rows):
-        return "open", "No hard budget (triangles, nodes) was set."
-    over = (rows["triangles"] > rows["budget_triangles"]) | (rows["nodes"] > rows["budget_nodes"])
-    bad = rows[over & rows["budget_met"]]
-    text = f"Triangles and nodes stay within their budgets ({len(rows)} frames)"
-    return _verdict(text, bad, lambda r: f"{number(int(r['triangles']))} triangles, {number(int(r['nodes']))} nodes")
-
-
-def _law_met(frames: Any) -> tuple[str, str]:
-    missed = frames[~frames["budget_met"]]
-    if not len(missed):
-        return "holds", f"Every frame met its budget ({len(frames)} frames)."
-    names = ", ".join(missed["run"].unique())
-    return "open", f"{len(missed)} of {len(frames)} frames say that they did not meet their budget: {names}."
-
-
-def _law_cracks(measured: Any) -> tuple[str, str]:
-    """Cracks are measured, not forbidden: some options show them on purpose."""
-    rows = measured[measured["crack_pixels"].notna()]
-    bad = rows[rows["crack_pixels"] > 0]
-    if not len(rows):
-        return "open", "No frame was looked at for cracks."
-    if not len(bad):
-        return "holds", f"No picture shows a crack ({len(rows)} frames)."
-    worst = bad.loc[bad["crack_pixels"].idxmax()]
-    where = f"most in {worst['run']}, frame {worst['frame']}: {number(int(worst['crack_pixels']))} pixels"
-    return "open", f"{len(bad)} of {len(rows)} pictures show cracks, {where}."
 
 
 # ---- pictures -------------------------------------------------------------------------------------
@@ -275,7 +183,9 @@ def write(directory: str | os.PathLike[str]) -> Path:
         pareto=pareto,
         table_note=_TABLE_NOTE,
         table=summary_table(summary),
-        laws="".join(f'<li class="{v}">{html.escape(t)}</li>' for v, t in laws(result.frames, size[0], fov)),
+        laws="".join(
+            f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in judge(result.frames, size[0], fov)
+        ),
         strips=_strips(result),
         timeline=_timeline(result),
         provenance=_provenance(folder, summary),

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""Figures as people read them in tables and sentences."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def number(value: Any) -> str:
+    """A figure for people: three digits, thousands apart, ∞, – for undefined."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    value = value if isinstance(value, int) else float(value)
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞"
+    if value == 0:
+        return "0"
+    if isinstance(value, int) or abs(value) >= 1000:
+        return f"{value:,.0f}".replace(",", "\u202f")
+    if abs(value) < 0.001:
+        return f"{value:.1e}"
+    digits = max(0, 2 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(digits, 4)}f}"

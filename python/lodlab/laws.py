@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: MIT
+"""The laws that a run's rows can show, one row each in LAWS, and what `judge` says of them.
+
+A law is `holds`, `broken` (the first frame that breaks it is named) or `open`: it was not put to the test,
+or it is a figure that some options show on purpose (cracks, missed budgets). The only slack is the
+instrument's: four float steps at the distance to the eye, and a hundredth of a pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .charts import BASELINE
+from .figures import number
+
+SLACK_PX = 0.01  # beside four float steps at the distance to the eye
+HOLDS, BROKEN, OPEN = "holds", "broken", "open"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the rows say of one law: `holds`, `broken` or `open`, and a sentence with the figures."""
+
+    law: str
+    verdict: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law. `of(frames, slack)` returns (verdict, sentence), or None where no row concerns it; `slack` is
+    in pixels. `columns`: what it cannot do without. `measured`: it sees the rows that the instrument measured."""
+
+    name: str
+    text: str
+    columns: tuple[str, ...]
+    of: Callable[[Any, float], tuple[str, str] | None]
+    measured: bool = True
+
+
+def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
+    """The verdict of every law on the rows of `frames.csv` (a DataFrame of one run or several).
+
+    `width` (pixels) and `fov` (degrees) of the viewport turn float steps into pixels. A law that no row
+    concerns is left out; one whose columns an older version did not write is open.
+    """
+    pixels_per_unit = width / (2.0 * math.tan(math.radians(fov) / 2.0))
+    slack = SLACK_PX + 4.0 * float(np.finfo(np.float32).eps) * pixels_per_unit
+    measured = frames[frames["accuracy"]]
+    out = []
+    for law in LAWS:
+        missing = [c for c in law.columns if c not in frames]
+        if missing:
+            out.append(Verdict(law.name, OPEN, f"{law.text}: these rows have no column {', '.join(missing)}."))
+            continue
+        found = law.of(measured if law.measured else frames, slack)
+        if found is not None:
+            out.append(Verdict(law.name, *found))
+    return out
+
+
+def _verdict(text: str, bad: Any, what: Callable[[Any], str]) -> tuple[str, str]:
+    if not len(bad):
+        return HOLDS, text + "."
+    row = bad.iloc[0]
+    return BROKEN, f"{text}: not in {len(bad)}, first in {row['run']}, frame {row['frame']} ({what(row)})."
+
+
+def _count(row: Any, column: str) -> str:
+    return number(int(row[column]))
+
+
+def _error(measured: Any, slack: float) -> tuple[str, str]:
+    rows = measured[measured["promises_bound"] & measured["measured_px_max"].notna()]
+    if not len(rows):
+        return OPEN, "No measured frame promises a bound."
+    bad = rows[~(rows["measured_px_max"] <= rows["predicted_px"] + slack)]  # a nan promises nothing
+    ratio = (rows["measured_px_max"] / rows["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
+    tight = f"; in the median it is {100 * ratio.median():.0f} % of it" if len(ratio) else ""
+    text = f"The measured error stays within the predicted one in all {len(rows)} frames that promise it{tight}"
+    return _verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} over {number(r['predicted_px'])} px")
+
+
+def _budgets(frames: Any, slack: float) -> tuple[str, str]:
+    rows = frames[frames["budget_triangles"].notna() | frames["budget_nodes"].notna()]
+    if not len(rows):
+        return OPEN, "No hard budget (triangles, nodes) was set."
+    over = (rows["triangles"] > rows["budget_triangles"]) | (rows["nodes"] > rows["budget_nodes"])
+    bad = rows[over & rows["budget_met"]]
+    text = f"Triangles and nodes stay within their budgets ({len(rows)} frames)"
+    return _verdict(text, bad, lambda r: f"{_count(r, 'triangles')} triangles, {_count(r, 'nodes')} nodes")
+
+
+def _pixel_error(frames: Any, slack: float) -> tuple[str, str] | None:
+    """No slack: a method compares the very numbers that stand in the row."""
+    rows = frames[frames["budget_pixel_error"].notna()]
+    if not len(rows):
+        return None
+    bad = rows[~(rows["predicted_px"] <= rows["budget_pixel_error"]) & rows["budget_met"]]
+    text = f"The error budget is reached, or missed openly ({len(rows)} frames)"
+    return _verdict(
+        text, bad, lambda r: f"{number(r['predicted_px'])} px predicted under {number(r['budget_pixel_error'])} px"
+    )
+
+
+def _met(frames: Any, slack: float) -> tuple[str, str]:
+    missed = frames[~frames["budget_met"]]
+    if not len(missed):
+        return HOLDS, f"Every frame met its budget ({len(frames)} frames)."
+    names = ", ".join(missed["run"].unique())
+    return OPEN, f"{len(missed)} of {len(frames)} frames say that they did not meet their budget: {names}."
+
+
+def _baseline(measured: Any, slack: float) -> tuple[str, str] | None:
+    full = measured[measured["method"] == BASELINE]
+    if not len(full):
+        return None
+    off = (full["measured_px_max"] > slack) | (full["crack_edges"] > 0) | (full["crack_pixels"] > 0)
+    if "pop_px_max" in full:
+        off |= full["pop_px_max"] > slack
+    text = f"Drawing everything measures zero error, zero cracks and no pops ({len(full)} frames)"
+    return _verdict(text, full[off], lambda r: f"{number(r['measured_px_max'])} px")
+
+
+def _none_of(column: str, text: str, what: str) -> Callable[[Any, float], tuple[str, str] | None]:
+    """The law that a column is 0 in every measured frame."""
+
+    def of(measured: Any, slack: float) -> tuple[str, str] | None:
+        if not len(measured):
+            return None
+        sentence = f"{text} ({len(measured)} frames)"
+        return _verdict(sentence, measured[measured[column] > 0], lambda r: f"{_count(r, column)} {what}")
+
+    return of
+
+
+def _still(measured: Any, slack: float) -> tuple[str, str] | None:
+    """Adaptation and paging may take k frames; a surface that still moves in the last frame never comes to rest."""
+    rows = measured[(measured["path"] == "still") & measured["pop_px_max"].notna()]
+    if not len(rows):
+        return None
+    last = rows.loc[rows.groupby("run")["frame"].idxmax()]
+    moving = rows[rows["pop_px_max"] > slack]
+    settled = int(moving["frame"].max()) + 1 if len(moving) else 0
+    text = f"Under a still camera the surface comes to rest ({rows['run'].nunique()} runs"
+    bad = last[last["pop_px_max"] > slack]
+    text += ")" if len(bad) else f", after {settled} frames at most)"
+    return _verdict(text, bad, lambda r: f"it still jumps by {number(r['pop_px_max'])} px")
+
+
+def _cracks(measured: Any, slack: float) -> tuple[str, str] | None:
+    """Cracks are measured, not forbidden: some options show them on purpose."""
+    if not len(measured):
+        return None
+    rows = measured[measured["crack_pixels"].notna()]
+    bad = rows[rows["crack_pixels"] > 0]
+    if not len(rows):
+        return OPEN, "No frame was looked at for cracks."
+    if not len(bad):
+        return HOLDS, f"No picture shows a crack ({len(rows)} frames)."
+    worst = bad.loc[bad["crack_pixels"].idxmax()]
+    where = f"most in {worst['run']}, frame {worst['frame']}: {_count(worst, 'crack_pixels')} pixels"
+    return OPEN, f"{len(bad)} of {len(rows)} pictures show cracks, {where}."
+
+
+_CAPTURE = "The captured triangles are the ones that were drawn, depth compared"
+_COVERED = "Every sample of the source is covered"
+_WOUND = "Every surface triangle shows its outside"
+_UPRIGHT = "Fillers stand upright, so that no surface hides among them"
+
+LAWS: tuple[Law, ...] = (
+    Law("error", "The measured error stays within the predicted one", ("measured_px_max", "predicted_px"), _error),
+    Law(
+        "budgets",
+        "Triangles and nodes stay within their budgets",
+        ("budget_triangles", "budget_nodes", "triangles", "nodes"),
+        _budgets,
+        measured=False,
+    ),
+    Law(
+        "pixel_error",
+        "The error budget is reached, or missed openly",
+        ("budget_pixel_error", "predicted_px"),
+        _pixel_error,
+        measured=False,
+    ),
+    Law("met", "Every frame met its budget", ("budget_met",), _met, measured=False),
+    Law(
+        "baseline",
+        "Drawing everything measures zero",
+        ("measured_px_max", "crack_edges", "crack_pixels"),
+        _baseline,
+    ),
+    Law(
+        "capture",
+        _CAPTURE,
+        ("capture_mismatch_pixels",),
+        _none_of("capture_mismatch_pixels", _CAPTURE, "pixels differ"),
+    ),
+    Law("holes", _COVERED, ("hole_samples",), _none_of("hole_samples", _COVERED, "samples uncovered")),
+    Law("winding", _WOUND, ("inverted_triangles",), _none_of("inverted_triangles", _WOUND, "triangles inverted")),
+    Law(
+        "fillers",
+        _UPRIGHT,
+        ("slanted_filler_triangles",),
+        _none_of("slanted_filler_triangles", _UPRIGHT, "fillers slant"),
+    ),
+    Law("still", "Under a still camera the surface comes to rest", ("pop_px_max",), _still),
+    Law("cracks", "No picture shows a crack", ("crack_pixels",), _cracks),
+)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: MIT
+"""The table of laws: each breaks on exactly the rows that break it, and names the first of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import lodlab as lod
+from lodlab import laws
+
+GOOD = {
+    "run": "a",
+    "method": "chunked",
+    "path": "still",
+    "budget_pixel_error": 2.0,
+    "budget_triangles": 100.0,
+    "budget_nodes": 10.0,
+    "budget_met": True,
+    "promises_bound": True,
+    "accuracy": True,
+    "triangles": 100,
+    "nodes": 10,
+    "predicted_px": 2.0,
+    "measured_px_max": 1.5,
+    "hole_samples": 0,
+    "crack_edges": 0,
+    "crack_pixels": 0.0,
+    "capture_mismatch_pixels": 0.0,
+    "inverted_triangles": 0,
+    "slanted_filler_triangles": 0,
+    "pop_px_max": 0.0,
+}
+
+
+def rows(**changes):
+    """Five frames of a run that keeps every law, but for frame 3 and on."""
+    frames = pd.DataFrame([{**GOOD, "frame": f} for f in range(5)])
+    frames.loc[0, "pop_px_max"] = np.nan
+    for column, value in changes.items():
+        frames[column] = frames[column].astype(type(value))
+        frames.loc[3:, column] = value
+    return frames
+
+
+def verdicts(frames):
+    return {v.law: v.verdict for v in laws.judge(frames)}
+
+
+def test_every_law_holds_where_nothing_is_wrong():
+    found = verdicts(rows())
+    assert set(found) == {law.name for law in laws.LAWS} - {"baseline"}
+    assert set(found.values()) == {"holds"}
+    assert set(verdicts(rows(method="full")).values()) == {"broken", "holds"}, "full measures nothing"
+
+
+@pytest.mark.parametrize(
+    ("law", "column", "value", "text"),
+    [
+        ("error", "measured_px_max", 2.1, "2.10 over 2.00 px"),
+        ("error", "measured_px_max", np.inf, "∞ over"),
+        ("budgets", "triangles", 101, "101 triangles"),
+        ("budgets", "nodes", 11, "11 nodes"),
+        ("pixel_error", "budget_pixel_error", 1.999, "2.00 px predicted under 2.00 px"),
+        ("capture", "capture_mismatch_pixels", 7.0, "7 pixels differ"),
+        ("holes", "hole_samples", 3, "3 samples uncovered"),
+        ("winding", "inverted_triangles", 4, "4 triangles inverted"),
+        ("fillers", "slanted_filler_triangles", 2, "2 fillers slant"),
+        ("still", "pop_px_max", 0.5, "still jumps by 0.500 px"),
+    ],
+)
+def test_a_law_breaks_alone_and_says_where(law, column, value, text):
+    frames = rows(**{column: value})
+    broken = [v for v in laws.judge(frames) if v.verdict == "broken"]
+    assert [v.law for v in broken] == [law]
+    assert text in broken[0].sentence and f"frame {4 if law == 'still' else 3}" in broken[0].sentence
+    assert law not in {v.law for v in laws.judge(frames.iloc[:3]) if v.verdict == "broken"}
+
+
+def test_the_slack_is_a_hundredth_of_a_pixel():
+    assert verdicts(rows(measured_px_max=2.0100))["error"] == "holds"
+    assert verdicts(rows(measured_px_max=2.0106))["error"] == "broken"
+
+
+def test_a_claim_that_is_no_number_is_no_promise_kept():
+    found = verdicts(rows(predicted_px=np.nan))
+    assert found["error"] == found["pixel_error"] == "broken"
+
+
+@pytest.mark.parametrize("column", ["triangles", "nodes", "predicted_px"])
+def test_a_budget_missed_openly_breaks_nothing(column):
+    frames = rows(**{column: 1000.0 if column == "predicted_px" else 1000})
+    frames.loc[3:, "budget_met"] = False
+    found = verdicts(frames)
+    assert found["budgets"] == found["pixel_error"] == "holds" and found["met"] == "open"
+
+
+def test_cracks_are_told_and_never_broken():
+    (told,) = [v for v in laws.judge(rows(crack_pixels=5.0)) if v.law == "cracks"]
+    assert told.verdict == "open" and "5 pixels" in told.sentence
+    assert verdicts(rows(crack_edges=2))["cracks"] == "holds"
+
+
+def test_a_still_camera_may_take_frames_to_settle():
+    frames = rows(pop_px_max=0.5)
+    frames.loc[4, "pop_px_max"] = 0.0
+    (still,) = [v for v in laws.judge(frames) if v.law == "still"]
+    assert still.verdict == "holds" and "after 4 frames" in still.sentence
+    frames["path"] = "flyover"
+    assert "still" not in verdicts(frames)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [("measured_px_max", 0.5), ("crack_edges", 1), ("crack_pixels", 1.0), ("pop_px_max", 1.0)]
+)
+def test_the_baseline_measures_zero(column, value):
+    frames = rows()
+    frames[["method", "measured_px_max"]] = ["full", 0.0]
+    assert verdicts(frames)["baseline"] == "holds"
+    frames[column] = frames[column].astype(float)
+    frames.loc[3, column] = value
+    assert verdicts(frames)["baseline"] == "broken"
+
+
+def test_laws_are_judged_even_where_the_view_sees_nothing():
+    frames = rows(hole_samples=3)
+    frames["measured_px_max"] = np.nan
+    found = verdicts(frames)
+    assert found["error"] == "open" and found["holes"] == "broken"
+
+
+def test_rows_of_an_older_version_leave_laws_open():
+    found = {v.law: v for v in laws.judge(rows().drop(columns=["inverted_triangles", "pop_px_max"]))}
+    assert found["winding"].verdict == found["still"].verdict == "open"
+    assert "inverted_triangles" in found["winding"].sentence
+
+
+def test_real_runs_keep_the_laws(tmp_path):
+    config = {
+        "sources": ["fractal:size=65,seed=3"],
+        "frames": 3,
+        "size": [96, 64],
+        "accuracy_frames": 2,
+        "pixel_errors": [4.0],
+        "images": "none",
+        "methods": [{"name": "full"}, {"name": "chunked", "options": {"leaf": 16, "chunk_triangles": 128}}],
+    }
+    frames = lod.sweep(config, out=tmp_path / "run", progress=False).frames
+    found = {v.law: v.verdict for v in laws.judge(frames, 96)}
+    assert set(found.values()) <= {"holds", "open"}
+    assert {"error", "baseline", "capture", "holes"} <= {law for law, verdict in found.items() if verdict == "holds"}
