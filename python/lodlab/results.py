@@ -92,7 +92,7 @@ SUMMARY_COLUMNS = (
     + tuple(f"{c}_median_{s}" for c in TIME_COLUMNS for s in ("low", "high"))
 )
 NOISE_COLUMNS = ("run", "column", "ratio", "low", "high", "passes", "jobs")
-_TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock", "column")
+TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock", "column")
 _FLAG_COLUMNS = ("budget_met", "promises_bound", "stream", "accuracy")
 
 
@@ -181,8 +181,8 @@ def read_table(path: Path | str) -> Any:
         raise InvalidInput(f"read results: no file {path} (a run directory has frames.csv and summary.csv)")
     with path.open(newline="") as file:
         header = next(csv.reader(file), [])
-    text = {c: str for c in header if c in _TEXT_COLUMNS}
-    missing = {c: ["", "nan"] for c in header if c not in _TEXT_COLUMNS and c not in _FLAG_COLUMNS}
+    text = {c: str for c in header if c in TEXT_COLUMNS}
+    missing = {c: ["", "nan"] for c in header if c not in TEXT_COLUMNS and c not in _FLAG_COLUMNS}
     try:
         return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
     except ValueError as error:  # what pandas raises for files that are no tables
