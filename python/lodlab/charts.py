@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from . import statistics
 from .errors import InvalidInput
 from .labels import ABOVE, Label, place
-from .results import SUMMARY_COLUMNS, short_source, table, write_atomic
+from .results import SUMMARY_COLUMNS, read_noise, short_source, table, write_atomic
 from .runs import Run
 from .sweeps import Sweep
 
@@ -102,17 +103,18 @@ class Chart:
         return f"<lodlab chart: {self.title}>"
 
 
-def tables_of(result: Any) -> tuple[Any, Any]:
-    """(frames, summary) of a Run, Sweep, list of them, or run directory."""
+def tables_of(result: Any) -> tuple[Any, Any, Any]:
+    """(frames, summary, noise or None) of a Run, Sweep, list of them, or run directory."""
     import pandas as pd
 
     if isinstance(result, Run):
-        return result.frames, table([result.summary], SUMMARY_COLUMNS)
+        return result.frames, table([result.summary], SUMMARY_COLUMNS), read_noise(result.directory)
     if isinstance(result, Sweep):
-        return result.frames, result.summary
+        return result.frames, result.summary, result.noise
     if isinstance(result, (list, tuple)) and result:
-        parts = [tables_of(item) for item in result]
-        return tuple(pd.concat([p[i] for p in parts], ignore_index=True) for i in (0, 1))
+        parts = list(zip(*(tables_of(item) for item in result), strict=True))
+        join = [None if any(p is None for p in part) else pd.concat(part, ignore_index=True) for part in parts]
+        return join[0], join[1], join[2]
     if isinstance(result, (str, os.PathLike)):
         return tables_of(Sweep.load(result))
     raise InvalidInput(f"chart: {type(result).__name__} is no run, sweep or run directory")
@@ -193,14 +195,17 @@ def pareto(result: Any) -> Chart:
     """Measured error (the worst over a run's measured frames) against median frame time and triangles.
 
     `result`: Run, Sweep, a list of them, or a run directory. A row of two panels for each source and path; a
-    curve per method, a point per budget. Bars reach from the 5th to the 95th percentile of the frames.
+    curve per method, a point per budget. Thin bars reach from the 5th to the 95th percentile of the frames, thick
+    ones over the 95 % interval of the median time. Times that chance and the noise floor do not tell apart are
+    marked: dashed between neighbours of a curve, dotted between curves at one budget, hollow where it is `full`'s.
     """
-    frames, summary = tables_of(result)
+    frames, summary, noise = tables_of(result)
     if summary.empty:
         raise InvalidInput("pareto: no finished run")
     if summary["measured_px_max_worst"].isna().all():
         raise InvalidInput("pareto: no run was measured (accuracy frames 0)")
     spread = frames.groupby("run")[["frame_ms", "triangles"]].quantile([0.05, 0.95]).unstack()
+    clock = _Clock(frames, summary, statistics.noise_floor(noise))
     groups = [
         (f"{short_source(source)} · {Path(path).stem}", rows)
         for (source, path), rows in summary[summary["measured_px_max_worst"].notna()].groupby(
@@ -212,18 +217,51 @@ def pareto(result: Any) -> Chart:
         figure.set_size_inches(7.4, 3.9 * len(groups) + 0.1)
         grid = figure.subplots(len(groups), 2, sharey="row", squeeze=False)
         for axes, (name, rows) in zip(grid, groups, strict=True):
-            _pareto_row(axes, name, rows, spread, theme)
+            _pareto_row(axes, name, rows, spread, clock, theme)
         figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.04)
 
     return Chart(draw, "measured error against frame time and triangles")
 
 
-def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, theme: str) -> None:
+class _Clock:
+    """Judges which runs' times differ by more than chance and this machine's noise."""
+
+    def __init__(self, frames: Any, summary: Any, floor: float | None):
+        self.floor = floor
+        self._times = {run: rows["frame_ms"].to_numpy(float) for run, rows in frames.groupby("run")}
+        self._rows = summary.drop_duplicates("run").set_index("run")
+
+    @property
+    def label(self) -> str:
+        """The axis of times, with the noise floor where it is known."""
+        known = "" if self.floor is None else f" · noise {100 * (self.floor - 1):.2g} %"
+        return f"median frame time (ms){known}"
+
+    def apart(self, a: str, b: str) -> bool:
+        """Frame by frame; where the runs have not the same frames, by the intervals of their medians."""
+        floor = self.floor or 1.0
+        first, second = self._times[a], self._times[b]
+        if len(first) == len(second):
+            return statistics.told_apart(first, second, floor)
+        (low, high), (other_low, other_high) = (self.interval(run) for run in (a, b))
+        return bool(high * floor < other_low or other_high * floor < low)
+
+    def interval(self, run: str) -> tuple[float, float]:
+        """Of the median time of a run; nan in results that hold none."""
+        ends = (self._rows.at[run, c] if c in self._rows else math.nan for c in _INTERVAL)
+        low, high = ends
+        return float(low), float(high)
+
+
+_INTERVAL = ("frame_ms_median_low", "frame_ms_median_high")
+
+
+def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str) -> None:
     ink = INK[theme]
     series = series_of(rows)
     look = dress(series, theme)
     scale = _ErrorScale(rows["measured_px_max_worst"].to_numpy(float))
-    columns = (("frame_ms", "median frame time (ms)"), ("triangles", "median triangles per frame"))
+    columns = (("frame_ms", clock.label), ("triangles", "median triangles per frame"))
     for ax, (column, label) in zip(axes, columns, strict=True):
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -237,8 +275,11 @@ def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, theme: str) -> Non
         ax.set_xlabel(label)
         left, right = _limits(rows, spread, column)
         ax.set_xlim(left, right)
+        judge = clock if column == "frame_ms" else None  # counts are exact
         for item in series:
-            _curve(ax, item, column, scale, spread, *look[item.label], ink)
+            _curve(ax, item, column, scale, spread, *look[item.label], ink, judge, series)
+        if judge is not None:
+            _ties(ax, series, scale, judge, ink)
         _label(ax, series, column, scale, look, ink)
         _ticks(ax, scale)
     axes[0].set_ylabel("worst measured error (px)")
@@ -272,16 +313,43 @@ def _limits(rows: Any, spread: Any, column: str) -> tuple[float, float]:
 
 
 def _curve(
-    ax: Any, item: Series, column: str, scale: _ErrorScale, spread: Any, colour: str, marker: str, ink: Any
-) -> None:
+    ax: Any, item: Series, column: str, scale: _ErrorScale, spread: Any, colour: str, marker: str, ink: Any,
+    clock: _Clock | None, series: list[Series],
+) -> None:  # fmt: skip
+    """Bars, line and points of a curve; with a clock, the marks of times that are not told apart."""
+    runs = item.points["run"].tolist()
     x = item.points[f"{column}_median"].to_numpy(float)
     y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
-    bars = spread.loc[item.points["run"], column].to_numpy(float)
+    bars = spread.loc[runs, column].to_numpy(float)
     ax.hlines(y, np.maximum(bars[:, 0], 1e-9), bars[:, 1], color=colour, linewidth=1.0, alpha=0.45)
-    ax.plot(
-        x, y, color=colour, marker=marker, markersize=11 if item.baseline else 6.5, linewidth=1.8,
-        markeredgecolor=ink["page"], markeredgewidth=0.8, clip_on=False, zorder=3,
-    )  # fmt: skip
+    if clock is not None:
+        ends = np.array([clock.interval(run) for run in runs])
+        ax.hlines(y, ends[:, 0], ends[:, 1], color=colour, linewidth=4.0, alpha=0.45, zorder=2.5)
+    for i in range(len(runs) - 1):
+        apart = clock is None or clock.apart(runs[i], runs[i + 1])
+        style = {"linewidth": 1.8} if apart else {"linewidth": 1.4, "dashes": (2.2, 1.6), "alpha": 0.6}
+        ax.plot(x[i : i + 2], y[i : i + 2], color=colour, clip_on=False, zorder=3, **style)
+    full = [run for other in series if other.baseline and other is not item for run in other.points["run"]]
+    for i, run in enumerate(runs):
+        solid = clock is None or item.baseline or all(clock.apart(run, other) for other in full)
+        ax.plot(
+            x[i], y[i], color=colour if solid else ink["page"], marker=marker, clip_on=False, zorder=3.5,
+            markersize=11 if item.baseline else 6.5 if solid else 5.6,
+            markeredgecolor=ink["page"] if solid else colour, markeredgewidth=0.8 if solid else 1.6,
+        )  # fmt: skip
+
+
+def _ties(ax: Any, series: list[Series], scale: _ErrorScale, clock: _Clock, ink: Any) -> None:
+    """Dotted lines between points of two curves at one budget whose times are not told apart."""
+    keys = ["budget_pixel_error", "budget_triangles", "budget_nodes"]
+    curves = [item.points for item in series if not item.baseline]
+    for i, first in enumerate(curves):
+        for second in curves[i + 1 :]:
+            for _, tie in first.merge(second, on=keys, suffixes=("", "_other")).iterrows():
+                if not clock.apart(tie["run"], tie["run_other"]):
+                    errors = np.array([tie["measured_px_max_worst"], tie["measured_px_max_worst_other"]], float)
+                    times = [tie["frame_ms_median"], tie["frame_ms_median_other"]]
+                    ax.plot(times, scale.place(errors), color=ink["text"], linewidth=1.6, dashes=(1, 1.2), zorder=3.2)
 
 
 def _label(ax: Any, series: list[Series], column: str, scale: _ErrorScale, look: Any, ink: Any) -> None:
@@ -344,7 +412,7 @@ def round_numbers(low: float, high: float, most: int) -> list[float]:
 
 def timeline(result: Any) -> Chart:
     """Frame time and error of every frame along the path: predicted as a line, measured as points."""
-    frames, summary = tables_of(result)
+    frames, summary, _ = tables_of(result)
     if summary.empty:
         raise InvalidInput("timeline: no finished run")
 
