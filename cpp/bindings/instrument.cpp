@@ -5,10 +5,13 @@
 
 #include <pybind11/stl.h>
 
+#include <set>
+
 #include "base/errors.h"
 #include "bindings/session.h"
 #include "geometry/coverage.h"
 #include "gl/context.h"
+#include "instrument/measurement.h"
 #include "instrument/slack.h"
 
 namespace py = pybind11;
@@ -16,49 +19,48 @@ namespace py = pybind11;
 namespace lodlab {
 namespace {
 
-using instrument::Accuracy;
 using instrument::Instrument;
+using instrument::Measurement;
 using instrument::Reference;
+
+/// What is drawn together: usually one session's cut; in calibration those of several stores.
+using Part = std::pair<std::shared_ptr<PySession>, std::shared_ptr<PyCut>>;
+using Parts = std::vector<Part>;
+
+/// A measurement keeps what its draw calls use.
+struct PyMeasurement {
+  Parts parts, before;
+  Measurement measurement;
+};
+
+render::DrawCall draw_call(const Parts& parts) {
+  std::vector<render::DrawCall> calls;
+  for (const auto& [session, cut] : parts) calls.push_back(session->draw_call(*cut));
+  return [calls = std::move(calls)](render::Pass& pass) {
+    for (const render::DrawCall& call : calls) call(pass);
+  };
+}
 
 class PyInstrument {
  public:
   PyInstrument(std::shared_ptr<HeightField> field, std::shared_ptr<PySession> reference)
-      : field_(std::move(field)), instrument_(field_), hash_(field_->hash()), full_(std::move(reference)) {
+      : field_(std::move(field)),
+        instrument_(std::make_shared<Instrument>(field_)),
+        hash_(field_->hash()),
+        full_(std::move(reference)) {
     if (full_ != nullptr) check_source(*full_, "Instrument");
   }
 
-  const Instrument& core() const { return instrument_; }
+  const Instrument& core() const { return *instrument_; }
 
   std::shared_ptr<const Reference> reference(const View& view) {
     if (full_ == nullptr)
       throw InvalidInput("reference: the instrument was made without a session of `full`");
     const Camera camera = make_camera(view);
     const PyCut cut{full_->selecting().select(view, Budget()), full_->store().hierarchy};
-    return instrument_.reference(camera, full_->draw_call(cut));
+    return instrument_->reference(camera, full_->draw_call(cut));
   }
 
-  Accuracy measure(PySession& session, const PyCut& cut, const View& view, const Reference* reference,
-                   bool pictures) {
-    check_source(session, "measure");
-    const Camera camera = make_camera(view);
-    const render::DrawCall draw = session.draw_call(cut);
-    return instrument_.measure(camera, draw, resources(), {cut.cut.predicted_px, reference, pictures});
-  }
-
-  instrument::Jump jump(PySession& session, const PyCut& before, const PyCut& after, const View& view) {
-    check_source(session, "jump");
-    const Camera camera = make_camera(view);
-    const render::Captured from = render::capture(camera, session.draw_call(before), true);
-    const render::Captured to = render::capture(camera, session.draw_call(after), true);
-    return instrument_.jump(camera, from, to);
-  }
-
-  std::vector<instrument::NodeError> node_errors(PySession& session, const PyCut& cut, const View& view) {
-    check_source(session, "node_errors");
-    return instrument_.node_errors(render::capture(make_camera(view), session.draw_call(cut), true));
-  }
-
- private:
   void check_source(const PySession& session, const char* operation) const {
     const StoreMeta& meta = session.store().store->meta();
     if (meta.source_hash == hash_) return;
@@ -66,14 +68,33 @@ class PyInstrument {
                        " was built from another source than the instrument's");
   }
 
-  const render::FieldResources& resources() {
+  std::shared_ptr<PyMeasurement> examine(Parts parts, Parts before, const View& view,
+                                         std::shared_ptr<const Reference> reference, bool pictures) {
+    if (parts.empty()) throw InvalidInput("examine: no part to draw");
+    instrument::Subject subject;
+    subject.camera = make_camera(view);
+    subject.draw = draw_call(parts);
+    if (!before.empty()) subject.draw_before = draw_call(before);
+    std::set<std::string> names;
+    for (const Part& part : parts) names.insert(part.first->store().method->info().name);
+    for (const std::string& name : names) subject.drawn_by += (subject.drawn_by.empty() ? "" : ", ") + name;
+    if (parts.size() == 1) subject.predicted_px = parts[0].second->cut.predicted_px;
+    subject.reference = std::move(reference);
+    subject.pictures = pictures;
+    Measurement measurement(instrument_, resources(), std::move(subject));
+    return std::make_shared<PyMeasurement>(
+        PyMeasurement{std::move(parts), std::move(before), std::move(measurement)});
+  }
+
+ private:
+  std::shared_ptr<const render::FieldResources> resources() {
     gl::ensure_context();
     if (resources_ == nullptr) resources_ = render::make_field_resources(*field_, coverage_bits(*field_));
-    return *resources_;
+    return resources_;
   }
 
   std::shared_ptr<HeightField> field_;
-  Instrument instrument_;
+  std::shared_ptr<Instrument> instrument_;
   std::string hash_;
   std::shared_ptr<PySession> full_;
   std::shared_ptr<const render::FieldResources> resources_;
@@ -106,24 +127,6 @@ py::object depth(const py::object& self) {
   return out;
 }
 
-py::dict columns(const Accuracy& a) {
-  py::dict out;
-  out["predicted_px"] = a.predicted_px;
-  out["measured_px_max"] = a.measured_px_max;
-  out["measured_px_p99"] = a.measured_px_p99;
-  out["measured_px_rms"] = a.measured_px_rms;
-  out["measured_max"] = a.measured_max;
-  out["measured_rms"] = a.measured_rms;
-  out["hole_samples"] = a.hole_samples;
-  out["measured_samples"] = a.measured_samples;
-  out["crack_edges"] = a.crack_edges;
-  out["crack_pixels"] = a.crack_pixels;
-  out["crack_mask_share"] = a.crack_mask_share;
-  out["capture_mismatch_pixels"] = a.capture_mismatch_pixels;
-  out["psnr_db"] = a.psnr_db;
-  return out;
-}
-
 py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
   std::vector<uint32_t> nodes;
   std::vector<double> largest;
@@ -151,11 +154,83 @@ void bind_reference(py::module_& m) {
       });
 }
 
+/// A figure of a measurement, computed without the GIL.
+template <class Figure>
+auto figure(Figure (Measurement::*function)()) {
+  return [function](PyMeasurement& self) {
+    const py::gil_scoped_release release;
+    return (self.measurement.*function)();
+  };
+}
+
+py::array_t<float> error_px(PyMeasurement& self) {
+  std::vector<float> errors = figure(&Measurement::error_px)(self);
+  const Camera& camera = self.measurement.camera();
+  return array_of(std::move(errors), {camera.height, camera.width});
+}
+
+py::array_t<uint8_t> drawn_image(PyMeasurement& self) {
+  std::vector<uint8_t> image;
+  {
+    const py::gil_scoped_release release;
+    image = self.measurement.drawn().rgba;
+  }
+  const Camera& camera = self.measurement.camera();
+  return array_of(std::move(image), {camera.height, camera.width, 4});
+}
+
+void bind_measurement(py::module_& m) {
+  py::class_<PyMeasurement, std::shared_ptr<PyMeasurement>> type(
+      m, "Measurement",
+      "One drawn cut, measured: a property for each figure, computed when it is first asked for. nan: "
+      "undefined; inf: a hole, or equal pictures (psnr_db). InvalidInput for a drawn vertex that is not "
+      "finite, naming method and node.");
+  type.def_property_readonly(
+      "predicted_px", [](const PyMeasurement& self) { return self.measurement.predicted_px(); },
+      "The method's claim, pixels; nan when several stores draw.");
+  const auto column = [&](const char* name, auto function, const char* text) {
+    type.def_property_readonly(name, figure(function), text);
+  };
+  column("measured_px_max", &Measurement::measured_px_max, "Largest over the samples in the frustum, pixels.");
+  column("measured_px_p99", &Measurement::measured_px_p99, "Over the reference's pixels, nearest rank.");
+  column("measured_px_rms", &Measurement::measured_px_rms, "Over the reference's pixels.");
+  column("measured_max", &Measurement::measured_max, "Over all samples, source units.");
+  column("measured_rms", &Measurement::measured_rms, "Over all samples, source units.");
+  column("hole_samples", &Measurement::hole_samples, "Samples that no surface triangle covers.");
+  column("measured_samples", &Measurement::measured_samples, "Samples that are not void.");
+  column("crack_edges", &Measurement::crack_edges, "Directed edges without exactly one opposite.");
+  column("crack_pixels", &Measurement::crack_pixels, "Clear colour or inside where there is outside.");
+  column("crack_mask_share", &Measurement::crack_mask_share, "Share of pixels looked at for cracks.");
+  column("capture_mismatch_pixels", &Measurement::capture_mismatch_pixels,
+         "Pixels whose depth differs from that of the capture drawn again.");
+  column("psnr_db", &Measurement::psnr_db, "Against the reference, decibels.");
+  column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
+  column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
+  column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
+  column("slanted_filler_triangles", &Measurement::slanted_filler_triangles, "Fillers that are not vertical.");
+  type.def_property_readonly("image", &drawn_image, "(H, W, 4) uint8: the picture as drawn, row 0 on top.")
+      .def_property_readonly(
+          "reference",
+          [](const PyMeasurement& self) {
+            return std::const_pointer_cast<Reference>(self.measurement.reference());
+          },
+          "The Reference that it is compared with, or None.")
+      .def("error_px", &error_px,
+           "(H, W) float32: the measured error at each pixel of the picture as drawn, pixels; nan where "
+           "nothing is drawn, inf at a hole.")
+      .def(
+          "node_errors",
+          [](PyMeasurement& self) { return node_arrays(figure(&Measurement::node_errors)(self)); },
+          "(nodes, errors): per node of the cut the largest deviation of its triangles from the samples "
+          "they cover; (N,) uint32 and (N,) float64, source units.");
+}
+
 }  // namespace
 
 void bind_instrument(py::module_& m) {
-  const auto session = py::arg("session"), cut = py::arg("cut"), view = py::arg("view");
+  const auto view = py::arg("view");
   bind_reference(m);
+  bind_measurement(m);
   m.attr("SLACK_STEPS") = instrument::kSlackSteps;
   m.attr("SLACK_PIXELS") = instrument::kSlackPixels;
   m.def("world_slack", &instrument::world_slack, py::arg("distance"),
@@ -174,46 +249,30 @@ void bind_instrument(py::module_& m) {
           },
           view, "The source drawn at full resolution; None above 32 M samples.")
       .def(
-          "measure",
-          [](PyInstrument& self, PySession& s, const PyCut& c, const View& at,
-             const std::shared_ptr<Reference>& reference, bool pictures) {
-            Accuracy accuracy;
-            {
-              const py::gil_scoped_release release;
-              accuracy = self.measure(s, c, at, reference.get(), pictures);
-            }
-            return columns(accuracy);
+          "examine",
+          [](PyInstrument& self, std::shared_ptr<PySession> s, std::shared_ptr<PyCut> c, const View& at,
+             std::shared_ptr<Reference> reference, bool pictures, std::shared_ptr<PyCut> before) {
+            const py::gil_scoped_release release;
+            self.check_source(*s, "measure");
+            const Parts earlier = before == nullptr ? Parts() : Parts{{s, before}};
+            return self.examine({{s, c}}, earlier, at, std::move(reference), pictures);
           },
-          session, cut, view, py::arg("reference") = py::none(), py::arg("pictures") = true,
-          "Dict of accuracy columns. Without a reference the columns that compare with it are nan; without "
-          "pictures capture_mismatch_pixels is too. InvalidInput for a reference of another view and for a "
-          "drawn vertex that is not finite.")
+          py::arg("session"), py::arg("cut"), view, py::arg("reference") = py::none(),
+          py::arg("pictures") = true, py::arg("before") = py::none(),
+          "A Measurement of a cut. Without a reference the figures that compare with it are nan; without "
+          "pictures capture_mismatch_pixels is too; without `before`, the cut of the frame before, pops "
+          "are. InvalidInput for a reference of another view.")
       .def(
-          "jump",
-          [](PyInstrument& self, PySession& s, const PyCut& before, const PyCut& after, const View& at) {
-            instrument::Jump jump;
-            {
-              const py::gil_scoped_release release;
-              jump = self.jump(s, before, after, at);
-            }
-            return py::make_tuple(jump.px, jump.world);
+          "examine_parts",
+          [](PyInstrument& self, Parts parts, const View& at, std::shared_ptr<Reference> reference,
+             bool pictures, Parts before) {
+            const py::gil_scoped_release release;
+            return self.examine(std::move(parts), std::move(before), at, std::move(reference), pictures);
           },
-          session, py::arg("before"), py::arg("after"), view,
-          "(pixels, source units): the largest distance between the two cuts' captured surfaces at the "
-          "samples inside the frustum that both cover; nan where there are none.")
-      .def(
-          "node_errors",
-          [](PyInstrument& self, PySession& s, const PyCut& c, const View& at) {
-            std::vector<instrument::NodeError> errors;
-            {
-              const py::gil_scoped_release release;
-              errors = self.node_errors(s, c, at);
-            }
-            return node_arrays(errors);
-          },
-          session, cut, view,
-          "(nodes, errors): per node of the cut the largest deviation of its triangles from the samples "
-          "they cover; (N,) uint32 and (N,) float64, source units.")
+          py::arg("parts"), view, py::arg("reference") = py::none(), py::arg("pictures") = true,
+          py::arg("before") = Parts(),
+          "For calibration: a Measurement of cuts of any stores, of other sources too, drawn together: "
+          "(session, cut) pairs.")
       .def(
           "slack", [](const PyInstrument& self, const View& at) { return self.core().slack(at.eye); }, view,
           "world_slack at the farthest sample, source units: what laws on measured_max allow.");

@@ -88,6 +88,13 @@ std::shared_ptr<PyCut> cut_by_hand(const PySession& self, const std::vector<int6
   return std::make_shared<PyCut>(PyCut{self.selecting().cut(nodes, finer), self.store().hierarchy});
 }
 
+std::vector<std::shared_ptr<PyCut>> audit_cuts(const PySession& self) {
+  std::vector<std::shared_ptr<PyCut>> out;
+  for (Cut& cut : self.selecting().audit_cuts())
+    out.push_back(std::make_shared<PyCut>(PyCut{std::move(cut), self.store().hierarchy}));
+  return out;
+}
+
 Frame draw(PySession& self, const PyCut& cut, const View& view, const std::string& show, bool everything) {
   render::Picture picture;
   {
@@ -167,12 +174,14 @@ struct CutRow {
   uint32_t node, resolution;
   float morph;
   bool visible, missing;
+  double error;
 };
 
 py::array cut_nodes(const PyCut& self) {  // untyped in the signature: stubs know no struct
   py::array_t<CutRow> out(static_cast<py::ssize_t>(self.cut.nodes.size()));
   CutRow* row = out.mutable_data();
-  for (const CutNode& n : self.cut.nodes) *row++ = {n.node, n.resolution, n.morph, n.visible, n.missing};
+  for (const CutNode& n : self.cut.nodes)
+    *row++ = {n.node, n.resolution, n.morph, n.visible, n.missing, n.error};
   return out;
 }
 
@@ -185,10 +194,11 @@ std::string cut_text(const PyCut& self) {
 }
 
 void bind_cut(py::module_& m) {
-  PYBIND11_NUMPY_DTYPE(CutRow, node, resolution, morph, visible, missing);
+  PYBIND11_NUMPY_DTYPE(CutRow, node, resolution, morph, visible, missing, error);
   py::class_<PyCut, std::shared_ptr<PyCut>>(m, "Cut", "What a method selected for a view under a budget.")
       .def_property_readonly("nodes", &cut_nodes,
-                             "Structured array node, resolution, morph, visible, missing: a row per node.")
+                             "Structured array node, resolution, morph, visible, missing, error (the bound as "
+                             "drawn, source units): a row per node.")
       .def_property_readonly(
           "triangles", [](const PyCut& c) { return c.cut.triangles; },
           "Triangles of the visible nodes, fillers included.")
@@ -276,6 +286,8 @@ void bind_session_class(py::module_& m) {
       .def("select", &select, view, py::arg("budget") = Budget(), "Picks the cut for a view under a budget.")
       .def("cut", &cut_by_hand, py::arg("nodes"), py::arg("resolutions") = py::none(),
            "A cut by hand: nodes that cover the source once. InvalidInput names the first gap or overlap.")
+      .def("audit_cuts", &audit_cuts,
+           "Cuts that together draw every node at every resolution in every state of morph and edges.")
       .def("draw", &draw, cut, view, py::arg("show") = "shade", py::arg("everything") = false,
            "A Frame; show is 'shade', 'normal', 'level' or 'class'. With everything, culled nodes are drawn "
            "too.")

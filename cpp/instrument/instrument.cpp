@@ -8,10 +8,7 @@
 #include "base/errors.h"
 #include "geometry/angles.h"
 #include "geometry/bounds.h"
-#include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
-#include "instrument/picture_difference.h"
-#include "instrument/pixel_error.h"
 #include "instrument/slack.h"
 
 namespace lodlab::instrument {
@@ -20,42 +17,6 @@ namespace {
 std::shared_ptr<const HeightField> not_null(std::shared_ptr<const HeightField> field) {
   if (field == nullptr) throw InvalidInput("instrument: no height field to measure against");
   return field;
-}
-
-void check_view(const Reference& reference, const Camera& camera) {
-  const Camera& r = reference.camera;
-  if (r.width != camera.width || r.height != camera.height) {
-    throw InvalidInput("measure: the reference is " + std::to_string(r.width) + " x " +
-                       std::to_string(r.height) + " pixels; the view is " + std::to_string(camera.width) +
-                       " x " + std::to_string(camera.height));
-  }
-  if (r.eye == camera.eye && r.forward == camera.forward && r.right == camera.right && r.K == camera.K &&
-      r.near_plane == camera.near_plane) {
-    return;
-  }
-  throw InvalidInput("measure: the reference is of another view");
-}
-
-/// The drawn frame against its own capture, and against the reference where there is one.
-void measure_pictures(const Camera& camera, const render::DrawCall& draw_cut,
-                      const render::FieldResources& resources, const Reference* reference, Accuracy& out) {
-  const render::Picture drawn = render::draw_picture(camera, render::Show::kShade, draw_cut);
-  {
-    const render::Captured visible = render::capture(camera, draw_cut, false);
-    const render::Picture again = render::replay(visible, camera, resources, render::Show::kShade);
-    out.capture_mismatch_pixels = static_cast<double>(depth_mismatch_pixels(drawn, again));
-  }
-  if (reference == nullptr) return;
-  out.psnr_db = psnr_db(drawn, reference->shade);
-  render::Picture classes = render::draw_picture(camera, render::Show::kClass, draw_cut, false);
-  CrackPixels cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
-  for (int i = 0; i < 4 && cracks.pixels > 0; ++i) {
-    const Camera aside = nudged(camera, i % 2 == 0 ? kNudge : -kNudge, i / 2 == 0 ? kNudge : -kNudge);
-    take_back_slivers(classes, render::draw_picture(aside, render::Show::kClass, draw_cut, false));
-    cracks = crack_pixels(classes, reference->classes, out.measured_px_max);
-  }
-  out.crack_pixels = static_cast<double>(cracks.pixels);
-  out.crack_mask_share = cracks.mask_share;
 }
 
 }  // namespace
@@ -73,7 +34,6 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
   return out;
 }
 
-/// Refuses an eye so far away that neighbouring samples fall together: nothing can be told apart there.
 void Instrument::check_near(const glm::dvec3& eye) const {
   const HeightField& f = *field_;
   const double step = f.planet ? f.dlat * kRadiansPerDegree * f.radius : std::min(f.dx, f.dy);
@@ -93,43 +53,6 @@ void Instrument::check_near(const glm::dvec3& eye) const {
       "part them (limit: half the spacing a float step)",
       reach, step);
   throw InvalidInput(text);
-}
-
-Accuracy Instrument::measure(const Camera& camera, const render::DrawCall& draw_cut,
-                             const render::FieldResources& resources, const Wanted& wanted) const {
-  check_near(camera.eye);
-  Accuracy out;
-  out.predicted_px = wanted.predicted_px;
-  const Reference* reference = wanted.pictures ? wanted.reference : nullptr;
-  if (reference != nullptr) check_view(*reference, camera);
-  {
-    const render::Captured whole = render::capture(camera, draw_cut, true);
-    const DrawnSurface surface(*field_, grid_, whole);
-    const SampleError error = sample_error(*field_, surface);
-    out.measured_max = error.max;
-    out.measured_rms = error.rms;
-    out.hole_samples = error.holes;
-    out.measured_samples = error.samples;
-    out.measured_px_max = sample_error_px(*field_, grid_, surface, camera);
-    out.crack_edges = crack_edges(grid_, whole);
-    if (reference != nullptr) {
-      const PixelError pixels = pixel_error(*field_, grid_, surface, reference->shade, camera);
-      out.measured_px_p99 = pixels.p99;
-      out.measured_px_rms = pixels.rms;
-    }
-  }
-  if (wanted.pictures) measure_pictures(camera, draw_cut, resources, reference, out);
-  return out;
-}
-
-Jump Instrument::jump(const Camera& camera, const render::Captured& before,
-                      const render::Captured& after) const {
-  const DrawnSurface from(*field_, grid_, before), to(*field_, grid_, after);
-  return surface_jump(*field_, grid_, from, to, camera);
-}
-
-std::vector<NodeError> Instrument::node_errors(const render::Captured& captured) const {
-  return lodlab::instrument::node_errors(*field_, grid_, captured);
 }
 
 double Instrument::slack(const glm::dvec3& eye) const {

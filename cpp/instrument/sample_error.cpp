@@ -81,42 +81,34 @@ double sample_error_px(const HeightField& field, const SampleGrid& grid, const D
   return worst < 0.0 ? kUndefined : worst;
 }
 
-Jump surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
-                  const DrawnSurface& after, const Camera& camera) {
-  const auto rows = per_row<Jump>(field, [&](int64_t row) {
-    Jump out{0.0, 0.0, 0};
+double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
+                    const DrawnSurface& after, const Camera& camera) {
+  // -1 says that no sample of the row qualifies.
+  const auto rows = per_row<double>(field, [&](int64_t row) {
+    double worst = -1.0;
     for (int64_t col = 0; col < field.cols; ++col) {
       const int64_t index = row * field.cols + col;
       if (!field.is_valid(row, col) || !before.covered(index) || !after.covered(index)) continue;
+      const double from = before.deviation(index), to = after.deviation(index);
+      if (worst >= 0.0 && from == to) continue;
       const glm::dvec3 sample = grid.relative(row, col, grid.height(field, row, col), camera.eye);
       if (!in_frustum(camera, sample)) continue;
-      ++out.samples;
-      const double from = before.deviation(index), to = after.deviation(index);
-      if (from == to) continue;
       const glm::dvec3 up = grid.up(row, col);
-      out.world = std::max(out.world, std::abs(to - from));
-      out.px = std::max(out.px, screen_distance(camera, sample + from * up, sample + to * up));
+      worst = std::max(worst, screen_distance(camera, sample + from * up, sample + to * up));
     }
-    return out;
+    return worst;
   });
-  Jump out{0.0, 0.0, 0};
-  for (const Jump& row : rows) {
-    out.px = std::max(out.px, row.px);
-    out.world = std::max(out.world, row.world);
-    out.samples += row.samples;
-  }
-  return out.samples > 0 ? out : Jump{};
+  const double worst = *std::max_element(rows.begin(), rows.end());
+  return worst < 0.0 ? kUndefined : worst;
 }
 
-std::vector<NodeError> node_errors(const HeightField& field, const SampleGrid& grid,
-                                   const render::Captured& captured) {
-  std::vector<float> worst;
-  const DrawnSurface surface(field, grid, captured, &worst);
+std::vector<NodeError> worst_of_nodes(const render::Captured& captured,
+                                      const std::vector<float>& worst_of_triangle) {
   std::map<uint32_t, float> by_node;
-  for (size_t triangle = 0; triangle < worst.size(); ++triangle) {
-    if (worst[triangle] < 0.0f) continue;
+  for (size_t triangle = 0; triangle < worst_of_triangle.size(); ++triangle) {
+    if (worst_of_triangle[triangle] < 0.0f) continue;
     float& seen = by_node[captured.vertices[3 * triangle].node];
-    seen = std::max(seen, worst[triangle]);
+    seen = std::max(seen, worst_of_triangle[triangle]);
   }
   std::vector<NodeError> out;
   for (const auto& [node, max] : by_node) out.push_back({node, max});

@@ -29,24 +29,19 @@ SampleError sample_error(const HeightField& field, const DrawnSurface& surface);
 double sample_error_px(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
                        const Camera& camera);
 
-struct Jump {
-  double px = kUndefined;     ///< largest screen distance; nan when no sample qualifies
-  double world = kUndefined;  ///< largest distance, source units
-  int64_t samples = 0;        ///< samples inside the frustum that both surfaces cover
-};
-
-/// How far the drawn surface jumps from `before` to `after` under this camera, at the non-void samples
-/// inside the frustum that both cover.
-Jump surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
-                  const DrawnSurface& after, const Camera& camera);
+/// The largest screen distance, pixels, by which the drawn surface jumps from `before` to `after` at the
+/// non-void samples inside the frustum that both cover; nan when there are none.
+double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
+                    const DrawnSurface& after, const Camera& camera);
 
 struct NodeError {
   uint32_t node = 0;
   double max = 0.0;  ///< largest deviation of its surface triangles from the samples they cover
 };
 
-/// Per node of the capture, in order of node; nodes that cover no non-void sample are left out.
-std::vector<NodeError> node_errors(const HeightField& field, const SampleGrid& grid,
-                                   const render::Captured& captured);
+/// Per node of the capture, in order of node, from the worst deviation of each of its triangles (as
+/// DrawnSurface leaves them); nodes that cover no non-void sample are left out.
+std::vector<NodeError> worst_of_nodes(const render::Captured& captured,
+                                      const std::vector<float>& worst_of_triangle);
 
 }  // namespace lodlab::instrument

@@ -62,6 +62,7 @@ struct CutNode {
   float morph = 1.0f;    ///< 1: its own surface, 0: its parent's
   bool visible = true;   ///< false: outside the frustum, not submitted in pictures
   bool missing = false;  ///< finer data was wanted and is not there yet: this node stands in
+  double error = 0.0;    ///< bound on the distance to the source as drawn (morph, edges included), source units
 };
 
 /// What a method selected for a view under a budget. It covers the whole source.
@@ -91,6 +92,10 @@ class Session {
   /// A cut by hand: any nodes that cover the source exactly once. InvalidInput names the first gap,
   /// overlap or broken rule. `resolutions` is empty or as long as `nodes`.
   virtual Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const = 0;
+
+  /// Cuts that together draw every node at every resolution in every state of morph and edges that its bound
+  /// has to cover: what an audit measures.
+  virtual std::vector<Cut> audit_cuts() const = 0;
 
   /// Submits the cut's GL calls into the pass: its visible nodes, or all when `pass.everything()`.
   /// Uploads what is missing and resident in main memory; never waits for storage.

@@ -9,6 +9,7 @@
 #include "base/parallel.h"
 #include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
+#include "instrument/orientation.h"
 #include "instrument/picture_difference.h"
 #include "instrument/pixel_error.h"
 #include "instrument/sample_error.h"
@@ -162,9 +163,10 @@ TEST_CASE("a step between two half-planes is one crack edge a side") {
   add(captured, *source, raised, {0, 2}, {2, 2}, {2, 4}, 2);
   add(captured, *source, raised, {0, 2}, {2, 4}, {0, 4}, 2);
   CHECK(crack_edges(grid, captured) == 2);
-  const SampleError error = sample_error(*source, DrawnSurface(*source, grid, captured));
+  std::vector<float> worst;
+  const SampleError error = sample_error(*source, DrawnSurface(*source, grid, captured, &worst));
   CHECK(error.max == doctest::Approx(0.125).epsilon(1e-5));  // on the shared edge the worst of both counts
-  const auto nodes = node_errors(*source, grid, captured);
+  const auto nodes = worst_of_nodes(captured, worst);
   REQUIRE(nodes.size() == 2);
   CHECK(nodes[0].node == 1);
   CHECK(nodes[0].max <= world_slack(12.0));
@@ -321,10 +323,12 @@ TEST_CASE("nothing drawn: every sample is a hole, no crack") {
   const auto source = synthetic::field(flat(5, 5), kTilted);
   const SampleGrid grid(*source);
   const render::Captured nothing;
-  const DrawnSurface surface(*source, grid, nothing);
+  std::vector<float> worst;
+  const DrawnSurface surface(*source, grid, nothing, &worst);
   CHECK(sample_error(*source, surface).holes == 25);
   CHECK(crack_edges(grid, nothing) == 0);
-  CHECK(node_errors(*source, grid, nothing).empty());
+  CHECK(worst_of_nodes(nothing, worst).empty());
+  CHECK(orientation(grid, nothing).inverted == 0);
 }
 
 TEST_CASE("a jump is measured where both surfaces are") {
@@ -335,14 +339,45 @@ TEST_CASE("a jump is measured where both surfaces are") {
   const SampleGrid grid(*source);
   const DrawnSurface before(*source, grid, mesh(*source, camera.eye, level));
   const DrawnSurface after(*source, grid, mesh(*source, camera.eye, lifted));
-  const Jump jump = surface_jump(*source, grid, before, after, camera);
-  CHECK(jump.world == doctest::Approx(2.0));
-  CHECK(jump.px == doctest::Approx(50.0).epsilon(1e-6));
-  CHECK(jump.samples == 81);
-  const Jump none = surface_jump(*source, grid, before, before, camera);
-  CHECK(none.px == 0.0);
+  CHECK(surface_jump(*source, grid, before, after, camera) == doctest::Approx(50.0).epsilon(1e-6));
+  CHECK(surface_jump(*source, grid, before, before, camera) == 0.0);
   const DrawnSurface nothing(*source, grid, render::Captured{});
-  CHECK(std::isnan(surface_jump(*source, grid, before, nothing, camera).px));
+  CHECK(std::isnan(surface_jump(*source, grid, before, nothing, camera)));
+}
+
+TEST_CASE("winding: one triangle turned round is inverted, and no crack hides it") {
+  for (const bool round : {false, true}) {
+    const FieldFrame frame = round ? synthetic::planet(19, 36) : flat(9, 9);
+    const synthetic::Height level = [](int64_t, int64_t) { return 0.0; };
+    const auto source = synthetic::field(frame, level);
+    const SampleGrid grid(*source);
+    auto captured = mesh(frame, {1300.0, 20.0, 30.0}, level);
+    CHECK(orientation(grid, captured).inverted == 0);
+    std::swap(captured.vertices[30], captured.vertices[31]);
+    CHECK(orientation(grid, captured).inverted == 1);
+    for (size_t i = 30; i < 33; ++i) captured.vertices[i].bits |= 1u;  // as a filler it is one that lies flat
+    CHECK(orientation(grid, captured).inverted == 0);
+    CHECK(orientation(grid, captured).slanted_fillers == 1);
+  }
+}
+
+TEST_CASE("fillers that hang straight down are vertical, on planets too") {
+  for (const bool round : {false, true}) {
+    const FieldFrame frame = round ? synthetic::planet(19, 36) : flat(9, 9);
+    const auto source = synthetic::field(frame, kTilted);
+    const SampleGrid grid(*source);
+    render::Captured captured;
+    captured.eye = {1300.0, 20.0, 30.0};
+    for (const double drop : {0.0, 5.0}) {
+      captured.vertices.push_back(synthetic::vertex(frame.position(4, 3, -drop), captured.eye));
+    }
+    captured.vertices.push_back(synthetic::vertex(frame.position(4, 4, 2.0), captured.eye));
+    for (auto& v : captured.vertices) v.bits |= 1u;
+    CHECK(orientation(grid, captured).slanted_fillers == 0);
+    captured.vertices[1] = synthetic::vertex(frame.position(5, 3, -5.0), captured.eye);
+    captured.vertices[1].bits |= 1u;
+    CHECK(orientation(grid, captured).slanted_fillers == 1);
+  }
 }
 
 TEST_CASE("a whole planet: poles, the wrap and every sample") {

@@ -173,9 +173,9 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
       t = std::clamp(2.0 * projector.project(node.error, place) / cut.tau - 1.0, 0.0, 1.0);
     }
     picked.morph = static_cast<float>(t);
+    picked.error = drawn_error(node, picked.morph);
     if (!picked.visible) continue;
-    const double drawn = node.error + (1.0 - static_cast<double>(picked.morph)) * span;
-    cut.predicted_px = std::max(cut.predicted_px, projector.project(drawn, place));
+    cut.predicted_px = std::max(cut.predicted_px, projector.project(picked.error, place));
     cut.triangles += submitted_triangles(node);
     cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
     ++cut.visible_nodes;
@@ -242,13 +242,40 @@ Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32
                          std::to_string(node.row) + ", column " + std::to_string(node.col));
     }
     if (!chosen[i]) continue;
-    cut.nodes.push_back({static_cast<uint32_t>(i), 0, 1.0f, true, false});
+    cut.nodes.push_back({static_cast<uint32_t>(i), 0, 1.0f, true, false, node.error});
     cut.triangles += submitted_triangles(node);
     cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
     ++cut.visible_nodes;
   }
   cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
   return cut;
+}
+
+/// Each level with the leaves above it, at its own surface, at its parent's and half-way. Between those the
+/// surface is their linear mix at every sample, so its distance is no larger than the mix of theirs. Skirts
+/// are no surface, and edges have one state.
+std::vector<Cut> ChunkedSession::audit_cuts() const {
+  const std::vector<Node>& nodes = hierarchy_->node;
+  std::vector<Cut> out;
+  for (int level = 0; level < hierarchy_->levels; ++level) {
+    std::vector<int64_t> ids;
+    for (size_t i = 0; i < nodes.size(); ++i) {
+      if (nodes[i].level == level || (nodes[i].level < level && nodes[i].children == 0))
+        ids.push_back(static_cast<int64_t>(i));
+    }
+    for (const float morph : {1.0f, 0.5f, 0.0f}) {
+      if (level == 0 && morph < 1.0f) break;  // a root has no parent to come from
+      Cut level_cut = cut(ids, {});
+      for (CutNode& picked : level_cut.nodes) {
+        const Node& node = nodes[picked.node];
+        if (node.level < level) continue;
+        picked.morph = morph;
+        picked.error = drawn_error(node, morph);
+      }
+      out.push_back(std::move(level_cut));
+    }
+  }
+  return out;
 }
 
 }  // namespace lodlab::chunked

@@ -39,6 +39,7 @@ class ChunkedSession : public Session {
 
   Cut select(const View& view, const Budget& budget) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
+  std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;
   int64_t resident_bytes() const override;
   void settle() override;
@@ -52,6 +53,10 @@ class ChunkedSession : public Session {
   void select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut);
   void finish(const Projector& projector, const Budget& budget, Cut& cut) const;
   void request_children(const Cut& cut, const Projector& projector);
+  /// The bound of a node drawn with this morph weight: between its own and its parent's.
+  static double drawn_error(const Node& node, float morph) {
+    return node.error + (1.0 - static_cast<double>(morph)) * (node.parent_error - node.error);
+  }
   int64_t submitted_triangles(const Node& node) const {
     return (skirts_ ? node.indices : node.surface_indices) / 3;
   }

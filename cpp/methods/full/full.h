@@ -64,6 +64,7 @@ class FullSession : public Session {
 
   Cut select(const View& view, const Budget& budget) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
+  std::vector<Cut> audit_cuts() const override { return {everything()}; }
   void draw(const Cut& cut, render::Pass& pass) override;
   int64_t resident_bytes() const override;
 

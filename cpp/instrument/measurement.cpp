@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/measurement.h"
+
+#include "base/errors.h"
+#include "instrument/crack_edges.h"
+#include "instrument/picture_difference.h"
+
+namespace lodlab::instrument {
+namespace {
+
+void check_view(const Reference& reference, const Camera& camera) {
+  const Camera& r = reference.camera;
+  if (r.width != camera.width || r.height != camera.height) {
+    throw InvalidInput("measure: the reference is " + std::to_string(r.width) + " x " +
+                       std::to_string(r.height) + " pixels; the view is " + std::to_string(camera.width) +
+                       " x " + std::to_string(camera.height));
+  }
+  if (r.eye == camera.eye && r.forward == camera.forward && r.right == camera.right && r.K == camera.K &&
+      r.near_plane == camera.near_plane) {
+    return;
+  }
+  throw InvalidInput("measure: the reference is of another view");
+}
+
+/// A value that is made on first use.
+template <class T, class Make>
+const T& kept(std::optional<T>& slot, const Make& make) {
+  if (!slot) slot.emplace(make());
+  return *slot;
+}
+
+}  // namespace
+
+Measurement::Measurement(std::shared_ptr<const Instrument> instrument,
+                         std::shared_ptr<const render::FieldResources> resources, Subject subject)
+    : instrument_(std::move(instrument)), resources_(std::move(resources)), subject_(std::move(subject)) {
+  instrument_->check_near(subject_.camera.eye);
+  if (!subject_.pictures) subject_.reference = nullptr;
+  if (subject_.reference != nullptr) check_view(*subject_.reference, subject_.camera);
+}
+
+// What several figures need ---------------------------------------------------------------------------------
+
+const render::Captured& Measurement::whole() {
+  return kept(whole_, [&] { return render::capture(subject_.camera, subject_.draw, true); });
+}
+
+DrawnSurface Measurement::rasterize(const render::Captured& captured, std::vector<float>* worst) const {
+  try {
+    return DrawnSurface(field(), grid(), captured, worst);
+  } catch (const InvalidInput& error) {
+    throw InvalidInput(subject_.drawn_by + ": " + error.what());
+  }
+}
+
+const DrawnSurface& Measurement::surface() {
+  return kept(surface_, [&] { return rasterize(whole(), &worst_of_triangle_); });
+}
+
+const DrawnSurface* Measurement::before() {
+  if (!subject_.draw_before) return nullptr;
+  return &kept(before_, [&] {
+    return rasterize(render::capture(subject_.camera, subject_.draw_before, true), nullptr);
+  });
+}
+
+const render::Picture& Measurement::drawn() {
+  return kept(drawn_,
+              [&] { return render::draw_picture(subject_.camera, render::Show::kShade, subject_.draw); });
+}
+
+// Figures over samples --------------------------------------------------------------------------------------
+
+const SampleError& Measurement::samples() {
+  return kept(samples_, [&] { return sample_error(field(), surface()); });
+}
+
+double Measurement::measured_px_max() {
+  return kept(px_max_, [&] { return sample_error_px(field(), grid(), surface(), subject_.camera); });
+}
+
+double Measurement::pop_px_max() {
+  const DrawnSurface* from = before();
+  return from == nullptr ? kUndefined : surface_jump(field(), grid(), *from, surface(), subject_.camera);
+}
+
+std::vector<NodeError> Measurement::node_errors() {
+  surface();
+  return worst_of_nodes(whole(), worst_of_triangle_);
+}
+
+// Figures of the triangles themselves -----------------------------------------------------------------------
+
+int64_t Measurement::crack_edges() { return lodlab::instrument::crack_edges(grid(), whole()); }
+
+const Orientation& Measurement::orientation() {
+  return kept(orientation_, [&] { return lodlab::instrument::orientation(grid(), whole()); });
+}
+
+// Figures over pixels ---------------------------------------------------------------------------------------
+
+const PixelError& Measurement::pixels() {
+  return kept(pixels_, [&] {
+    if (subject_.reference == nullptr) return PixelError{};
+    return pixel_error(field(), grid(), surface(), subject_.reference->shade, subject_.camera);
+  });
+}
+
+double Measurement::pop_area() {
+  const DrawnSurface* from = before();
+  if (from == nullptr || subject_.reference == nullptr) return kUndefined;
+  return jumping_share(field(), grid(), *from, surface(), subject_.reference->shade, subject_.camera);
+}
+
+std::vector<float> Measurement::error_px() {
+  return error_picture(field(), grid(), surface(), drawn(), subject_.camera);
+}
+
+double Measurement::psnr_db() {
+  if (subject_.reference == nullptr) return kUndefined;
+  return lodlab::instrument::psnr_db(drawn(), subject_.reference->shade);
+}
+
+/// The capture that everything above is measured on, drawn again from a plain buffer: inside the frustum it
+/// must be what was drawn with culling.
+double Measurement::capture_mismatch_pixels() {
+  if (!subject_.pictures) return kUndefined;
+  const render::Picture again = render::replay(whole(), subject_.camera, *resources_, render::Show::kShade);
+  return static_cast<double>(depth_mismatch_pixels(drawn(), again));
+}
+
+const Measurement::Cracks& Measurement::cracks() {
+  return kept(cracks_, [&]() -> Cracks {
+    if (subject_.reference == nullptr) return {};
+    const render::Picture& wanted = subject_.reference->classes;
+    const auto classes = [&](const Camera& camera) {
+      return render::draw_picture(camera, render::Show::kClass, subject_.draw, false);
+    };
+    render::Picture picture = classes(subject_.camera);
+    CrackPixels found = lodlab::instrument::crack_pixels(picture, wanted, measured_px_max());
+    for (int i = 0; i < 4 && found.pixels > 0; ++i) {
+      const double right = i % 2 == 0 ? kNudge : -kNudge, down = i / 2 == 0 ? kNudge : -kNudge;
+      take_back_slivers(picture, classes(nudged(subject_.camera, right, down)));
+      found = lodlab::instrument::crack_pixels(picture, wanted, measured_px_max());
+    }
+    return {static_cast<double>(found.pixels), found.mask_share};
+  });
+}
+
+}  // namespace lodlab::instrument

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+// One drawn cut, measured. Every figure is a function here, named as its column in instrument.md; what
+// several need (the captured triangles, the drawn surface, the picture) is made by the first that asks.
+//
+// The instrument never trusts a method: it draws the cut, captures what the drawing program emits, and
+// measures that. nan: undefined (nothing inside the frustum, nothing drawn in the reference, no frame
+// before, or not asked for); inf: a hole, or for psnr_db equal pictures.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "instrument/crack_pixels.h"
+#include "instrument/drawn_surface.h"
+#include "instrument/instrument.h"
+#include "instrument/orientation.h"
+#include "instrument/pixel_error.h"
+#include "instrument/sample_error.h"
+#include "render/frame.h"
+
+namespace lodlab::instrument {
+
+/// What is measured.
+struct Subject {
+  Camera camera;
+  render::DrawCall draw;         ///< the cut
+  render::DrawCall draw_before;  ///< the cut of the frame before; may be empty
+  std::string drawn_by;          ///< for messages
+  double predicted_px = kUndefined;
+  std::shared_ptr<const Reference> reference;  ///< null: the columns that compare with it are nan
+  bool pictures = true;                        ///< false: no picture is drawn; geometric columns only
+};
+
+/// Belongs to the thread that owns the GL context. Figures throw InvalidInput for a drawn vertex that is not
+/// finite, naming method and node.
+class Measurement {
+ public:
+  /// InvalidInput for a reference of another view, and for an eye too far away to part samples.
+  Measurement(std::shared_ptr<const Instrument> instrument,
+              std::shared_ptr<const render::FieldResources> resources, Subject subject);
+
+  double predicted_px() const { return subject_.predicted_px; }
+  double measured_px_max();
+  double measured_px_p99() { return pixels().p99; }
+  double measured_px_rms() { return pixels().rms; }
+  double measured_max() { return samples().max; }
+  double measured_rms() { return samples().rms; }
+  int64_t hole_samples() { return samples().holes; }
+  int64_t measured_samples() { return samples().samples; }
+  int64_t crack_edges();
+  double crack_pixels() { return cracks().pixels; }
+  double crack_mask_share() { return cracks().mask_share; }
+  double capture_mismatch_pixels();
+  double psnr_db();
+  double pop_px_max();
+  double pop_area();
+  int64_t inverted_triangles() { return orientation().inverted; }
+  int64_t slanted_filler_triangles() { return orientation().slanted_fillers; }
+
+  const Camera& camera() const { return subject_.camera; }
+  const std::shared_ptr<const Reference>& reference() const { return subject_.reference; }
+  /// The picture as drawn, with depth.
+  const render::Picture& drawn();
+  /// error_picture() of it.
+  std::vector<float> error_px();
+  std::vector<NodeError> node_errors();
+
+ private:
+  struct Cracks {
+    double pixels = kUndefined, mask_share = kUndefined;
+  };
+  const render::Captured& whole();
+  const DrawnSurface& surface();
+  const DrawnSurface* before();
+  const SampleError& samples();
+  const PixelError& pixels();
+  const Cracks& cracks();
+  const Orientation& orientation();
+  DrawnSurface rasterize(const render::Captured& captured, std::vector<float>* worst) const;
+  const HeightField& field() const { return instrument_->field(); }
+  const SampleGrid& grid() const { return instrument_->grid(); }
+
+  std::shared_ptr<const Instrument> instrument_;
+  std::shared_ptr<const render::FieldResources> resources_;
+  Subject subject_;
+  std::optional<render::Captured> whole_;
+  std::optional<DrawnSurface> surface_, before_;
+  std::vector<float> worst_of_triangle_;  ///< made with surface_
+  std::optional<render::Picture> drawn_;
+  std::optional<SampleError> samples_;
+  std::optional<PixelError> pixels_;
+  std::optional<Cracks> cracks_;
+  std::optional<Orientation> orientation_;
+  std::optional<double> px_max_;
+};
+
+}  // namespace lodlab::instrument

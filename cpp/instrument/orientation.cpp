@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/orientation.h"
+
+#include <atomic>
+
+#include "base/parallel.h"
+#include "instrument/pixels.h"
+#include "instrument/slack.h"
+
+namespace lodlab::instrument {
+namespace {
+
+/// Twice the area that a triangle covers seen along local up, positive when counter-clockwise from outside;
+/// 0 when no more of it is there than rounded corners make.
+double covered_area(const SampleGrid& grid, const render::CapturedVertex* v, const glm::dvec3& eye) {
+  const glm::dvec3 a(v[0].x, v[0].y, v[0].z), b(v[1].x, v[1].y, v[1].z), c(v[2].x, v[2].y, v[2].z);
+  const glm::dvec3 ab = b - a, ac = c - a, bc = c - b;
+  const double area = glm::dot(glm::cross(ab, ac), up_at(grid, (a + b + c) / 3.0, eye));
+  const double far = std::max({glm::length(a), glm::length(b), glm::length(c)});
+  const double rounding = world_slack(far) * (glm::length(ab) + glm::length(ac) + glm::length(bc));
+  return std::abs(area) > rounding ? area : 0.0;
+}
+
+}  // namespace
+
+Orientation orientation(const SampleGrid& grid, const render::Captured& captured) {
+  std::atomic<int64_t> inverted = 0, slanted = 0;
+  parallel_for(captured.triangles(), 16384, [&](int64_t begin, int64_t end) {
+    int64_t inverted_here = 0, slanted_here = 0;
+    for (int64_t t = begin; t < end; ++t) {
+      const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * t)];
+      const double area = covered_area(grid, v, captured.eye);
+      const bool filler = ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0;
+      inverted_here += !filler && area < 0.0 ? 1 : 0;
+      slanted_here += filler && area != 0.0 ? 1 : 0;
+    }
+    inverted += inverted_here;
+    slanted += slanted_here;
+  });
+  return {inverted, slanted};
+}
+
+}  // namespace lodlab::instrument
