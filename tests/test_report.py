@@ -239,3 +239,82 @@ def test_results_show_themselves(swept):
     html = swept.run("chunked-px4")._repr_html_()
     assert "data:image/png;base64," in html
     assert repr(swept).startswith("<lodlab.Sweep of 3 runs")
+
+
+# ---- pictures of measured error --------------------------------------------------------------------
+
+
+def error_map(share):
+    import matplotlib
+
+    return np.array(matplotlib.colormaps["magma_r"](share, bytes=True)[:3])
+
+
+def flat(height=60, width=240, grey=128):
+    return np.full((height, width, 4), grey, np.uint8)
+
+
+def test_error_pictures_have_known_colours_at_known_errors():
+    errors = np.full((60, 240), 1.0)
+    errors[:, 60:120], errors[:, 120:180], errors[:, 180:] = 0.0, 2.0, 7.0
+    made = pictures.error_picture(flat(), errors, top=2.0)
+    assert made.dtype == np.uint8 and made.shape[1:] == (240, 4) and made.shape[0] > 60
+    for column, share in ((30, 0.5), (90, 0.0), (150, 1.0), (210, 1.0)):
+        assert np.array_equal(made[30, column, :3], error_map(share)), (column, share)
+    bar = made[60:, :, :3].reshape(-1, 3)
+    for share in (0.0, 0.5, 1.0):
+        assert (np.abs(bar - error_map(share).astype(int)).max(axis=1) <= 4).sum() > 5, f"{share} is not in the scale"
+
+
+def test_error_pictures_keep_the_background_and_shout_holes():
+    image = flat()
+    image[:, :50] = (10, 200, 30, 255)
+    errors = np.full((60, 240), 0.5)
+    errors[:, :50], errors[20:30, 100:110] = np.nan, np.inf
+    made = pictures.error_picture(image, errors)
+    assert np.array_equal(made[:60, :50], image[:, :50])
+    assert (made[20:30, 100:110, :3] == pictures.HOLE).all()
+    whole = pictures.error_picture(image, np.where(np.isinf(errors), 0.5, errors))
+    shouting = [(p[60:, :, :3] == pictures.HOLE).all(axis=2).sum() for p in (made, whole)]
+    assert shouting[0] > 20 and shouting[1] == 0, "the scale names holes where there are some, and only there"
+
+
+def test_error_pictures_shade_errors_by_the_picture():
+    image = flat()
+    image[:, :80, :3], image[:, 160:, :3] = 60, 200
+    made = pictures.error_picture(image, np.full((60, 240), 1.0), top=4.0).astype(int)
+    dark, middle, light = (made[30, column, :3].sum() for column in (40, 120, 200))
+    assert dark < 0.8 * middle and middle < light, "the relief is gone"
+    assert np.array_equal(made[30, 120, :3], error_map(0.25))
+
+
+def test_error_scales_end_at_round_numbers_and_say_what_is_above():
+    errors = np.zeros((100, 240))
+    errors[:50] = 1.7
+    errors[0, :12] = 50.0  # one in two thousand
+    made = pictures.error_picture(flat(100), errors)
+    assert np.array_equal(made, pictures.error_picture(flat(100), errors, top=2.0))
+    calm = pictures.error_picture(flat(100), np.minimum(errors, 1.7), top=2.0)
+    assert np.any(made[100:] != calm[100:]), "the scale does not say that errors lie above its end"
+    for value, top in ((0.0, 0.01), (0.004, 0.01), (0.01, 0.01), (0.011, 0.015), (0.9, 1.0), (1.0, 1.0), (23.0, 30.0)):
+        assert pictures._round_up(value) == pytest.approx(top), value
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+@pytest.mark.parametrize("size", [(1, 1), (40, 30), (3, 2000)])
+def test_error_pictures_of_any_size_and_of_nothing(value, size):
+    made = pictures.error_picture(flat(*size), np.full(size, value, np.float32))
+    assert made.shape[0] > size[0] and made.shape[1] >= size[1]
+
+
+def test_error_pictures_refuse_what_does_not_fit():
+    for image, errors in (
+        (flat(), np.zeros((60, 239))),
+        (flat()[..., 0], np.zeros((60, 240))),
+        (flat().astype(float), np.zeros((60, 240))),
+    ):
+        with pytest.raises(InvalidInput, match="error picture: image"):
+            pictures.error_picture(image, errors)
+    for top in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InvalidInput, match="top is"):
+            pictures.error_picture(flat(), np.zeros((60, 240)), top=top)
