@@ -25,6 +25,8 @@ except ImportError as error:
 
 from . import _shaders, charts, datasets, errors, report  # noqa: F401 - _shaders tells the core where they are
 from ._core import Budget, View
+from .checks import Violation, check
+from .fitting import Fit, fit
 from .heightfield import HeightField
 from .paths import CameraPath
 from .results import version as _version
@@ -37,6 +39,7 @@ __all__ = [
     "Budget",
     "CameraPath",
     "Cut",
+    "Fit",
     "Frame",
     "HeightField",
     "Run",
@@ -44,12 +47,15 @@ __all__ = [
     "Store",
     "Sweep",
     "View",
+    "Violation",
     "build",
     "charts",
+    "check",
     "compare",
     "datasets",
     "devices",
     "errors",
+    "fit",
     "fly",
     "methods",
     "open",
