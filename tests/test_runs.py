@@ -12,6 +12,7 @@ import pytest
 import lodlab as lod
 from lodlab import _core, passes, results, runs
 from lodlab.errors import InvalidInput, StoreError, Unsupported
+from lodlab.instrument import measure
 
 SOURCE = "fractal:size=65,seed=3"
 SIZE = (160, 90)
@@ -68,7 +69,7 @@ def test_the_instrument_returns_every_accuracy_column(store, field, full, path):
     session = store.core.session({"stream": False})
     view = path.view(3, size=SIZE)
     cut = session.select(view, _core.Budget(pixel_error=1.0))
-    row = instrument.measure(session, cut, view, instrument.reference(view), True)
+    row = measure(instrument, session, cut, view, instrument.reference(view))
     assert set(row) == set(results.ACCURACY_COLUMNS)
 
 

@@ -31,6 +31,7 @@ import numpy as np
 
 from . import _core, datasets, results
 from .errors import InvalidInput
+from .metrics import METRICS, measure
 from .paths import CameraPath
 
 SIZE = (1280, 720)
@@ -413,12 +414,12 @@ def _measure_frame(instrument: Any, session: Any, reference: Any, view: Any) -> 
     budget = _core.Budget(pixel_error=1.0)
     cut, everything = session.select(view, budget), reference.select(view, budget)
 
-    def measure() -> float:
+    def cost() -> float:
         start = time.perf_counter()
-        instrument.measure(session, cut, view, None, pictures=False)
+        measure(instrument, session, cut, view, pictures=False)
         return (time.perf_counter() - start) * 1e3
 
-    return interleaved(measure, lambda: reference.time_draw(everything, view, False), REPEATS)
+    return interleaved(cost, lambda: reference.time_draw(everything, view, False), REPEATS)
 
 
 def _accuracy(lab: Lab) -> Iterable[Record]:
@@ -432,7 +433,7 @@ def _accuracy(lab: Lab) -> Iterable[Record]:
         rows = []
         for view in lab.views(spec, 12):
             cut = session.select(view, _core.Budget(pixel_error=pixel_error))
-            rows.append(instrument.measure(session, cut, view, None, pictures=False))
+            rows.append(measure(instrument, session, cut, view, pictures=False))
         measured = max(r["measured_px_max"] for r in rows)
         predicted = max(r["predicted_px"] for r in rows)
         yield _record(

@@ -20,6 +20,7 @@ import numpy as np
 from . import _core, pictures, results
 from .errors import GLError, InvalidInput, StoreError, Unsupported
 from .heightfield import HeightField
+from .metrics import measure
 from .paths import CameraPath
 from .stores import Store, build, method_table, open, options_of
 
@@ -168,10 +169,12 @@ class Yardstick:
             self._references[view] = made
         return self._references[view]
 
-    def measure(self, session: Any, cut: Any, view: Any) -> dict[str, Any]:
-        """The accuracy columns of one drawn cut."""
+    def measure(self, session: Any, cut: Any, view: Any, before: Any = None) -> dict[str, Any]:
+        """The accuracy columns of one drawn cut; `before`: the cut of the frame before."""
         reference = self.reference(view)
-        return self.instrument().measure(session, cut, view, reference, reference is not None)
+        return measure(
+            self.instrument(), session, cut, view, reference, pictures=reference is not None, before=before
+        )
 
 
 def look_of(store: Store) -> dict[str, Any]:
@@ -377,7 +380,8 @@ def perform(
         session = store.core.session(still(store.method, flight.options))
     measured: dict[int, dict[str, Any]] = {}
     for f in indices:
-        measured[f] = yardstick.measure(session, recording.cuts[f], views[f])
+        before = recording.cuts[f - 1] if f > 0 else None
+        measured[f] = yardstick.measure(session, recording.cuts[f], views[f], before)
         tick()
     rows = frame_rows(store, flight, recording, measured)
     if folder is not None:

@@ -37,6 +37,7 @@ import numpy as np
 
 from . import statistics
 from .errors import InvalidInput, StoreError
+from .metrics import METRICS
 
 KEY_COLUMNS = (
     "run",
@@ -66,22 +67,8 @@ COST_COLUMNS = (
     "page_misses",
 )
 TIME_COLUMNS = ("select_ms", "gpu_ms", "frame_ms")
-ACCURACY_COLUMNS = (
-    "predicted_px",
-    "measured_px_max",
-    "measured_px_p99",
-    "measured_px_rms",
-    "measured_max",
-    "measured_rms",
-    "hole_samples",
-    "measured_samples",
-    "psnr_db",
-    "crack_edges",
-    "crack_pixels",
-    "capture_mismatch_pixels",
-    "crack_mask_share",
-)
-SMALLER_IS_WORSE = ("psnr_db", "ssim", "crack_mask_share", "measured_samples")
+ACCURACY_COLUMNS = tuple(metric.name for metric in METRICS)
+SMALLER_IS_WORSE = tuple(metric.name for metric in METRICS if metric.smaller_is_worse)
 EXTRA_COLUMNS = ("accuracy", "gpu_clock", "filler_triangles")
 FRAME_COLUMNS = KEY_COLUMNS + COST_COLUMNS + ACCURACY_COLUMNS + EXTRA_COLUMNS
 SUMMARY_COLUMNS = (

@@ -12,6 +12,8 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core, errors
+from lodlab.instrument import measure
+from lodlab.metrics import flip_of, ssim_of
 
 SIZE = (240, 160)
 
@@ -99,7 +101,7 @@ def projected(view: _core.View, points: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def test_full_measures_nothing(lab: Lab) -> None:
     view = lab.view()
-    row = lab.instrument.measure(lab.full, lab.full.select(view), view, lab.instrument.reference(view))
+    row = measure(lab.instrument, lab.full, lab.full.select(view), view, lab.instrument.reference(view))
     assert row["measured_max"] <= lab.instrument.slack(view)
     assert row["measured_px_max"] <= _core.SLACK_PIXELS
     assert row["psnr_db"] == math.inf
@@ -111,7 +113,7 @@ def test_full_measures_nothing(lab: Lab) -> None:
 def test_errors_are_those_that_numpy_finds(lab: Lab) -> None:
     view = lab.view()
     session, cut = coarse(lab, view)
-    row = lab.instrument.measure(session, cut, view, None)
+    row = measure(lab.instrument, session, cut, view, None)
     deviations = drawn_deviations(lab, session.capture(cut, view))
     # Two double computations of float heights some hundred metres from the eye.
     assert row["measured_max"] == pytest.approx(np.abs(deviations).max(), abs=1e-4)
@@ -128,7 +130,7 @@ def test_errors_are_those_that_numpy_finds(lab: Lab) -> None:
 def test_pixels_stay_below_the_worst_sample(lab: Lab) -> None:
     view = lab.view(0.2)
     session, cut = coarse(lab, view)
-    row = lab.instrument.measure(session, cut, view, lab.instrument.reference(view))
+    row = measure(lab.instrument, session, cut, view, lab.instrument.reference(view))
     assert 0.0 < row["measured_px_rms"] < row["measured_px_p99"]
     assert row["measured_px_p99"] <= row["measured_px_max"] <= row["predicted_px"] + _core.SLACK_PIXELS
     assert 10.0 < row["psnr_db"] < 100.0
@@ -144,7 +146,7 @@ def test_cracks_show_without_skirts(tmp_path: Path) -> None:
     for cracks in ("skirt", "none"):
         session = lab.session(cracks=cracks)
         cut = session.select(view, _core.Budget(pixel_error=4.0))
-        seen[cracks] = lab.instrument.measure(session, cut, view, reference)
+        seen[cracks] = measure(lab.instrument, session, cut, view, reference)
     assert seen["skirt"]["crack_pixels"] == 0
     assert seen["none"]["crack_pixels"] > 0
     assert seen["none"]["crack_edges"] == seen["skirt"]["crack_edges"] > 0  # fillers close no edge
@@ -154,7 +156,7 @@ def test_cracks_show_without_skirts(tmp_path: Path) -> None:
 def test_voids_are_not_measured(holed: Lab) -> None:
     view = holed.view()
     session, cut = coarse(holed, view)
-    row = holed.instrument.measure(session, cut, view, holed.instrument.reference(view))
+    row = measure(holed.instrument, session, cut, view, holed.instrument.reference(view))
     assert row["measured_samples"] == int(np.asarray(holed.field.valid).sum())
     assert row["hole_samples"] == 0
     assert row["crack_pixels"] == 0
@@ -164,27 +166,29 @@ def test_voids_are_not_measured(holed: Lab) -> None:
 def test_node_errors_hold_the_stored_bounds(lab: Lab) -> None:
     view = lab.view()
     session, cut = coarse(lab, view)
-    nodes, largest = lab.instrument.node_errors(session, cut, view)
+    nodes, largest = lab.instrument.examine(session, cut, view).node_errors()
     assert set(nodes) == set(cut.nodes["node"])
-    bounds = dict(zip(lab.chunked.nodes["id"], lab.chunked.nodes["error"], strict=True))
-    for node, error in zip(nodes, largest, strict=True):
-        # Drawn between its own surface and its parent's: the parent's bound is its limit.
-        parent = lab.chunked.nodes["parent"][lab.chunked.nodes["id"] == node][0]
-        assert error <= bounds.get(parent, bounds[node]) + lab.instrument.slack(view)
-    whole = lab.instrument.measure(session, cut, view, None, pictures=False)
+    assert (largest <= cut.nodes["error"][np.searchsorted(cut.nodes["node"], nodes)] + lab.instrument.slack(view)).all()
+    whole = measure(lab.instrument, session, cut, view, None, pictures=False)
     assert largest.max() == pytest.approx(whole["measured_max"])
 
 
 def test_a_cut_does_not_jump_against_itself(lab: Lab) -> None:
     view = lab.view()
     session, cut = coarse(lab, view)
-    assert lab.instrument.jump(session, cut, cut, view) == (0.0, 0.0)
+    reference = lab.instrument.reference(view)
+    still = lab.instrument.examine(session, cut, view, reference, before=cut)
+    assert (still.pop_px_max, still.pop_area) == (0.0, 0.0)
     finer = session.select(view, _core.Budget(pixel_error=0.5))
-    pixels, world = lab.instrument.jump(session, cut, finer, view)
-    assert pixels > 0.0
-    assert world > 0.0
-    limit = cut.predicted_px + finer.predicted_px
-    assert pixels <= limit + 2 * _core.SLACK_PIXELS
+    jump = lab.instrument.examine(session, finer, view, reference, before=cut)
+    assert 0.0 < jump.pop_px_max <= cut.predicted_px + finer.predicted_px + 2 * _core.SLACK_PIXELS
+    roots = session.cut(lab.chunked.nodes["id"][lab.chunked.nodes["parent"] < 0])
+    close = lab.view(0.1)
+    fall = lab.instrument.examine(session, roots, close, lab.instrument.reference(close), before=finer)
+    assert fall.pop_px_max > 1.0
+    assert 0.0 < fall.pop_area < 0.5
+    first = lab.instrument.examine(session, finer, view, reference)
+    assert math.isnan(first.pop_px_max) and math.isnan(first.pop_area)
 
 
 def test_threads_do_not_change_a_figure(lab: Lab) -> None:
@@ -194,19 +198,42 @@ def test_threads_do_not_change_a_figure(lab: Lab) -> None:
     rows = []
     for threads in (1, 2):
         _core.set_thread_count(threads)
-        rows.append(lab.instrument.measure(session, cut, view, reference))
+        rows.append(measure(lab.instrument, session, cut, view, reference, before=cut))
     _core.set_thread_count(0)
     assert rows[0] == rows[1]
+
+
+def test_the_picture_of_errors_is_the_error(lab: Lab) -> None:
+    view = lab.view()
+    session, cut = coarse(lab, view)
+    measured = lab.instrument.examine(session, cut, view, lab.instrument.reference(view))
+    errors = measured.error_px()
+    assert errors.shape == (SIZE[1], SIZE[0])
+    drawn = session.draw(cut, view)
+    assert np.array_equal(np.isnan(errors), ~np.isfinite(drawn.depth))
+    assert np.array_equal(measured.image, drawn.image)
+    assert np.nanmax(errors) <= measured.measured_px_max * 1.01
+    # The same distances from the other side: over the reference's pixels instead of the drawn ones.
+    assert np.nanpercentile(errors, 99) == pytest.approx(measured.measured_px_p99, rel=0.05)
+
+
+def test_pictures_of_different_sizes_do_not_compare() -> None:
+    small, large = np.zeros((20, 30, 4), np.uint8), np.zeros((20, 31, 4), np.uint8)
+    for compare in (ssim_of, flip_of):
+        with pytest.raises(errors.InvalidInput, match=r"\(20, 30, 4\) and \(20, 31, 4\)"):
+            compare(small, large)
+    assert (ssim_of(small, small), flip_of(small, small)) == (1.0, 0.0)
+    assert math.isnan(ssim_of(small[:8], small[:8]))
 
 
 def test_without_reference_its_columns_are_nan(lab: Lab) -> None:
     view = lab.view()
     session, cut = coarse(lab, view)
-    compared = ("measured_px_p99", "measured_px_rms", "crack_pixels", "crack_mask_share", "psnr_db")
-    row = lab.instrument.measure(session, cut, view, None)
+    compared = ("measured_px_p99", "measured_px_rms", "crack_pixels", "crack_mask_share", "psnr_db", "ssim", "flip")
+    row = measure(lab.instrument, session, cut, view, None)
     assert all(math.isnan(row[column]) for column in compared)
     assert row["capture_mismatch_pixels"] == 0
-    row = lab.instrument.measure(session, cut, view, lab.instrument.reference(view), pictures=False)
+    row = measure(lab.instrument, session, cut, view, lab.instrument.reference(view), pictures=False)
     assert all(math.isnan(row[column]) for column in (*compared, "capture_mismatch_pixels"))
     assert row["measured_px_max"] > 0.0
 
@@ -214,13 +241,14 @@ def test_without_reference_its_columns_are_nan(lab: Lab) -> None:
 def test_looking_away_measures_no_pixel(lab: Lab) -> None:
     view = _core.View((0.0, 0.0, 500.0), (0.0, 0.0, 600.0), up=(0.0, 1.0, 0.0), size=SIZE)
     session, cut = coarse(lab, view)
-    row = lab.instrument.measure(session, cut, view, lab.instrument.reference(view))
+    row = measure(lab.instrument, session, cut, view, lab.instrument.reference(view))
     for column in ("measured_px_max", "measured_px_p99", "measured_px_rms", "crack_mask_share"):
         assert math.isnan(row[column])
     assert row["measured_max"] > 0.0
     assert row["hole_samples"] == 0
     assert row["crack_pixels"] == 0
-    assert all(math.isnan(v) for v in lab.instrument.jump(session, cut, cut, view))
+    again = lab.instrument.examine(session, cut, view, lab.instrument.reference(view), before=cut)
+    assert math.isnan(again.pop_px_max) and math.isnan(again.pop_area)
 
 
 def test_a_reference_shows_itself(lab: Lab) -> None:
@@ -249,13 +277,13 @@ def test_a_reference_of_another_view_is_refused(
     view = lab.view()
     session, cut = coarse(lab, view)
     with pytest.raises(errors.InvalidInput, match=message):
-        lab.instrument.measure(session, cut, view, lab.instrument.reference(other(view)))
+        measure(lab.instrument, session, cut, view, lab.instrument.reference(other(view)))
 
 
 def test_another_source_is_refused(lab: Lab, holed: Lab) -> None:
     view = lab.view()
     with pytest.raises(errors.InvalidInput, match="another source"):
-        lab.instrument.measure(holed.full, holed.full.select(view), view, None)
+        measure(lab.instrument, holed.full, holed.full.select(view), view, None)
     with pytest.raises(errors.InvalidInput, match="another source"):
         _core.Instrument(lab.field.core, holed.full)
     with pytest.raises(errors.InvalidInput, match="without a session"):
@@ -273,7 +301,7 @@ def test_a_planet_drawn_in_full_measures_nothing(tmp_path: Path) -> None:
     instrument = _core.Instrument(core, full)
     for eye in ((2.0e7, 3.0e6, 1.0e6), (1.0e5, 2.0e5, 1.6e7), (-3.0e6, -9.0e6, -8.0e6)):
         view = _core.View(eye, (0.0, 0.0, 0.0), size=SIZE)
-        row = instrument.measure(full, full.select(view), view, instrument.reference(view))
+        row = measure(instrument, full, full.select(view), view, instrument.reference(view))
         assert row["measured_max"] <= instrument.slack(view)
         assert row["measured_px_max"] <= _core.SLACK_PIXELS
         for column in ("hole_samples", "crack_edges", "crack_pixels", "capture_mismatch_pixels"):
@@ -287,7 +315,7 @@ def test_an_eye_too_far_away_to_tell_samples_apart_is_refused(lab: Lab) -> None:
     session = lab.session()
     cut = session.select(view, _core.Budget(pixel_error=1))
     with pytest.raises(errors.InvalidInput, match="measure: the eye is 1e\\+12 m from samples"):
-        lab.instrument.measure(session, cut, view, None, False)
+        measure(lab.instrument, session, cut, view, pictures=False)
 
 
 @pytest.mark.parametrize("eye", [(1e300, 0.0, 0.0), (0.0, -1e37, 0.0)])

@@ -10,6 +10,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core
+from lodlab.instrument import measure
 from tests.contract import FIELDS, MethodContract, over
 
 
@@ -55,8 +56,7 @@ def largest_jump(store, terrain, instrument, **options: object) -> tuple[float, 
             continue
         above, below = split
         assert len(above.nodes) != len(below.nodes)
-        jump = instrument.jump(session, above, below, view)
-        worst = max(worst, jump[0])
+        worst = max(worst, instrument.examine(session, below, view, before=above).pop_px_max)
         nearest = min(distance(nodes[n], view.eye) for n in above.nodes["node"][above.nodes["visible"]])
         quantum_px = max(
             quantum_px, store.info()["quantum"] * 640 / 2 / np.tan(np.radians(30)) / max(nearest, view.near)
@@ -114,7 +114,7 @@ def test_projections(store, terrain, instrument, projection: str) -> None:
         triangles.append(cut.triangles)
         assert cut.promises_bound == (projection != "paper")
         if cut.promises_bound:
-            row = instrument.measure(session, cut, view, None, pictures=False)
+            row = measure(instrument, session, cut, view, None, pictures=False)
             assert row["measured_px_max"] <= cut.predicted_px + 0.01
     strict = store.core.session({"stream": False})
     full = [strict.select(view, _core.Budget(pixel_error=2.0)).triangles for view in flyover_views(terrain)]
@@ -127,7 +127,7 @@ def test_skirts_hide_cracks_that_are_really_there(store, terrain, instrument) ->
         session = store.core.session({"stream": False, "cracks": cracks})
         for view in flyover_views(terrain, count=8):
             cut = session.select(view, _core.Budget(pixel_error=8.0))
-            seen[cracks] += instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"]
+            seen[cracks] += measure(instrument, session, cut, view, instrument.reference(view))["crack_pixels"]
             assert (cut.filler_triangles > 0) == (cracks == "skirt" and len(cut.nodes) > 1)
     assert seen["skirt"] == 0
     assert seen["none"] > 0
@@ -180,7 +180,7 @@ def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(store, terrain, ins
         cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0, triangles=40_000))
         assert row["triangles"] <= 40_000
         assert row["frame_ms"] < 200  # one read takes as long: this frame did none
-        assert instrument.measure(session, cut, view, instrument.reference(view))["crack_pixels"] == 0
+        assert measure(instrument, session, cut, view, instrument.reference(view))["crack_pixels"] == 0
 
 
 def test_small_gpu_cache_is_a_hard_limit(terrain, tmp_path: Path) -> None:

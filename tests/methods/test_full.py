@@ -10,6 +10,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core
+from lodlab.instrument import measure
 from tests.contract import MethodContract, over
 
 
@@ -36,7 +37,7 @@ def test_measures_nothing_on_real_terrain(spec: str, tmp_path: Path) -> None:
     instrument = _core.Instrument(field.core, session)
     view = lod.CameraPath.flyover(field, frames=5).view(2, size=(640, 360))
     cut = session.select(view, _core.Budget(pixel_error=1.0))
-    row = instrument.measure(session, cut, view, instrument.reference(view))
+    row = measure(instrument, session, cut, view, instrument.reference(view))
     far = np.linalg.norm(np.asarray(view.eye)) + (2 * field.radius if field.planet else 4e7)
     assert row["measured_px_max"] <= 0.01
     assert row["measured_max"] <= 4 * far * 2.0**-23

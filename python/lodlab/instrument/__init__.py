@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: MIT
+"""The instrument: its metrics, and what shows that it and the bounds of stores can be trusted."""
+
+from __future__ import annotations
+
+from ..metrics import METRICS, Metric, measure
+
+__all__ = ["METRICS", "Metric", "measure"]
