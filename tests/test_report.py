@@ -6,13 +6,16 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import charts, figures, labels, pictures, report, results
+from lodlab import charts, figures, labels, pictures, report, results, statistics
 from lodlab.errors import InvalidInput
+from lodlab.passes import worst_frame
 
 CONFIG = {
     "sources": ["fractal:size=65,seed=3"],
@@ -41,10 +44,11 @@ class Links(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.targets, self.open, self.text = [], [], []
+        self.targets, self.links, self.open, self.text = [], [], [], []
 
     def handle_starttag(self, tag, attributes):
-        self.targets += [v for k, v in attributes if k in ("src", "href", "srcset") and v]
+        self.targets += [v for k, v in attributes if k in ("src", "srcset") and v]
+        self.links += [v for k, v in attributes if k == "href" and v]
         if tag not in self.VOID:
             self.open.append(tag)
 
@@ -60,6 +64,7 @@ def test_report_stands_alone(page):
     links.feed(page)
     assert links.open == [] and links.targets
     assert all(t.startswith("data:image/") for t in links.targets)
+    assert all(re.fullmatch(r"images/[^/:]+/[^/:]+\.png", t) for t in links.links), "a link leaves the directory"
     assert not re.search(r"url\((?!data:)|@import|<script|https?://(?!www\.w3\.org)", page)
     assert len(page) < 8_000_000
 
@@ -74,6 +79,56 @@ def test_report_says_what_was_run(swept, page):
     assert text.count("levels of the hierarchy") == len(swept.runs)
     assert "prefers-color-scheme: dark" in page
     assert 'class="broken"' not in page, "a law does not hold"
+
+
+def test_report_links_the_worst_frame_of_each_run(swept, page):
+    links = Links()
+    links.feed(page)
+    for name in swept.runs:
+        worst = worst_frame(swept.run(name).frames.to_dict("records"))
+        wanted = [f"{worst:06d}{kind}.png" for kind in ("", "-reference", "-error", "-level")]
+        assert all(f"images/{name}/{file}" in links.links for file in wanted), name
+    assert all((swept.directory / unquote(link)).is_file() for link in links.links)
+
+
+def test_links_are_safe_for_every_name_of_a_run():
+    link = report._link(Path("runs/images/chunked-a=1,b+c/000042.png"))
+    assert unquote(link) == "images/chunked-a=1,b+c/000042.png" and not set(link) & set("\"'<>&# ")
+
+
+def test_strips_show_the_measured_error(page):
+    at = [
+        page.index(caption) for caption in (">drawn<", ">reference: ", ">difference ×", ">measured error<", ">levels ")
+    ]
+    assert at == sorted(at)
+
+
+def test_report_says_how_well_the_machine_repeats(swept, page):
+    floor = statistics.noise_floor(swept.noise)
+    assert "The same method twice differs by up to" in page and f"<b>{figures.percent(floor)}</b>" in page
+    assert "<code>chunked-px1</code>, timed once more" in page and "shared the machine" not in page
+    assert "3 at a time" in report.noise_text(swept.noise.assign(jobs=3))
+
+
+def test_report_without_a_null_comparison_says_so(swept, page, tmp_path):
+    for name in ("config.toml", "frames.csv", "summary.csv", "provenance.json"):
+        (tmp_path / name).write_bytes((swept.directory / name).read_bytes())
+    text = report.write(tmp_path).read_text()
+    assert "No null comparison is here" in text and "The same method twice differs" not in text
+
+
+def test_report_of_fewer_columns(swept, tmp_path):
+    """Results of an earlier version: what they lack is left out."""
+    gone = [c for c in swept.summary if c.startswith(("ssim", "flip", "pop")) or c.endswith(("_low", "_high"))]
+    older = lod.Sweep(None, swept.frames, swept.summary.drop(columns=gone))
+    assert "SSIM" in report.summary_table(swept.summary) and "SSIM" not in report.summary_table(older.summary)
+    assert charts.pareto(older)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_tables_show_the_interval_of_the_median(swept):
+    row = swept.summary.iloc[0]
+    low, high = (figures.number(row[f"frame_ms_median_{end}"]) for end in ("low", "high"))
+    assert f"{low} – {high}" in report.summary_table(swept.summary)
 
 
 def test_report_is_made_again_from_the_files_alone(swept, page):

@@ -128,6 +128,17 @@ def test_a_frame_shows_itself(run):
         run.image(7)
 
 
+def test_a_frame_shows_its_measured_error(run, store, path):
+    height, width = SIZE[1], SIZE[0]
+    made = run.image(3, show="error").image
+    assert made.dtype == np.uint8 and made.shape[0] > height and made.shape[1] >= width
+    assert np.any(made[:height, :width] != run.image(3).image)
+    assert run.image(show="error").image.shape[2] == 4, "of the worst frame"
+    unmeasured = lod.fly(store, path, {"pixel_error": 1.0}, **{**SMALL, "accuracy_frames": 0})
+    with pytest.raises(InvalidInput, match="was not measured"):
+        unmeasured.image(3, show="error")
+
+
 def test_run_directory_holds_the_run(store, path, tmp_path):
     out = tmp_path / "run"
     run = lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)
@@ -140,6 +151,7 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     worst = passes.worst_frame(run.frames.to_dict("records"))
     assert np.array_equal(back.image(worst).image[..., :3], run.image(worst).image[..., :3])
     assert back.image(worst, show="reference").image.shape == (SIZE[1], SIZE[0], 4)
+    assert np.array_equal(back.image(worst, show="error").image, run.image(worst, show="error").image)
     record = json.loads((out / "provenance.json").read_text())
     assert record["sources"] == {SOURCE: store.source_hash}
     assert record["gl"]["renderer"] and record["start"] <= record["end"] and record["options_hash"]

@@ -22,6 +22,7 @@ import numpy as np
 
 from . import statistics
 from .errors import InvalidInput
+from .figures import percent
 from .labels import ABOVE, Label, place
 from .results import SUMMARY_COLUMNS, read_noise, short_source, table, write_atomic
 from .runs import Run
@@ -234,7 +235,7 @@ class _Clock:
     @property
     def label(self) -> str:
         """The axis of times, with the noise floor where it is known."""
-        known = "" if self.floor is None else f" · noise {100 * (self.floor - 1):.2g} %"
+        known = "" if self.floor is None else f" · noise {percent(self.floor)}"
         return f"median frame time (ms){known}"
 
     def apart(self, a: str, b: str) -> bool:

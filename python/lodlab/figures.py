@@ -26,3 +26,9 @@ def number(value: Any) -> str:
         return f"{value:.1e}"
     digits = max(0, 2 - math.floor(math.log10(abs(value))))
     return f"{value:.{min(digits, 4)}f}"
+
+
+def percent(factor: float) -> str:
+    """By how much a factor differs from 1: 1.031 is `3.1 %`, 2.5 is `150 %`."""
+    share = 100.0 * abs(factor - 1.0)
+    return f"{share:.0f} %" if share >= 9.95 else f"{share:.2g} %"

@@ -172,9 +172,12 @@ class Yardstick:
     def measure(self, session: Any, cut: Any, view: Any, before: Any = None) -> dict[str, Any]:
         """The accuracy columns of one drawn cut; `before`: the cut of the frame before."""
         reference = self.reference(view)
-        return measure(
-            self.instrument(), session, cut, view, reference, pictures=reference is not None, before=before
-        )
+        return measure(self.instrument(), session, cut, view, reference, pictures=reference is not None, before=before)
+
+    def error_picture(self, session: Any, cut: Any, view: Any) -> np.ndarray:
+        """(H', W', 4) uint8: a drawn cut coloured by its measured error, with a scale in pixels."""
+        measurement = self.instrument().examine(session, cut, view)
+        return pictures.error_picture(measurement.image, measurement.error_px())
 
 
 def look_of(store: Store) -> dict[str, Any]:
@@ -328,7 +331,7 @@ def make_pictures(
     session: Any,
     yardstick: Yardstick | None,
 ) -> None:
-    """Writes `images/RUN/000042.png` and, for the worst frame, `-reference`, `-difference-xN`, `-level`."""
+    """Writes `images/RUN/000042.png` and, for the worst frame, `-reference`, `-difference-xN`, `-error`, `-level`."""
     if flight.images == "none":
         return
     folder = folder / "images" / flight.name
@@ -343,7 +346,11 @@ def make_pictures(
             continue
         levels = session.draw(recording.cuts[f], recording.views[f], "level")
         pictures.save(folder / f"{f:06d}-level.png", levels.image)
-        reference = yardstick.reference(recording.views[f]) if yardstick else None
+        if yardstick is None:
+            continue
+        error = yardstick.error_picture(session, recording.cuts[f], recording.views[f])
+        pictures.save(folder / f"{f:06d}-error.png", error)
+        reference = yardstick.reference(recording.views[f])
         if reference is not None:
             delta, factor = pictures.difference(drawn.image, reference.image)
             pictures.save(folder / f"{f:06d}-reference.png", reference.image)

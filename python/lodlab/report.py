@@ -10,20 +10,23 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
 from string import Template
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from . import charts, pictures
 from .errors import InvalidInput
-from .figures import number
+from .figures import number, percent
 from .laws import judge
 from .results import HEAD, short_source, write_atomic
+from .statistics import noise_floor
 from .sweeps import Sweep
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
@@ -33,15 +36,18 @@ STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
 
 COLUMNS = (
     ("run", "run", "text"),
-    ("frame_ms_median", "ms<br>median", "number"),
+    ("frame_ms_median", "ms<br>median", "interval"),
     ("frame_ms_p95", "ms<br>p95", "number"),
     ("triangles_median", "triangles<br>median", "count"),
     ("nodes_median", "nodes<br>median", "count"),
     ("predicted_px_worst", "predicted<br>px", "number"),
     ("measured_px_max_worst", "measured<br>px", "number"),
-    ("measured_px_p99_worst", "measured<br>px, p99", "number"),
+    ("measured_px_p99_worst", "px<br>p99", "number"),
+    ("pop_px_max_worst", "pop<br>px", "number"),
     ("measured_max_worst", "measured<br>m", "number"),
     ("psnr_db_worst", "PSNR<br>dB", "number"),
+    ("ssim_worst", "SSIM", "number"),
+    ("flip_worst", "FLIP", "number"),
     ("crack_pixels_worst", "crack<br>pixels", "count"),
     ("hole_samples_worst", "hole<br>samples", "count"),
     ("budget_met", "budget<br>met", "number"),
@@ -50,19 +56,47 @@ COLUMNS = (
 
 
 def summary_table(summary: Any) -> str:
-    """The runs as an HTML table."""
-    head = "".join(f"<th>{title}</th>" for _, title, _ in COLUMNS)
-    forms = {
-        "text": lambda v: html.escape(str(v)),
-        "number": number,
-        "count": lambda v: number(round(v)) if np.isfinite(v) and v >= 1 else number(v),
-        "megabytes": lambda v: number(v / 1e6),
-    }
+    """The runs as an HTML table; columns that these results do not have are left out."""
+    columns = [c for c in COLUMNS if c[0] in summary]
+    head = "".join(f"<th>{title}</th>" for _, title, _ in columns)
     body = []
     for _, row in summary.iterrows():
-        cells = "".join(f"<td>{forms[kind](row[column])}</td>" for column, _, kind in COLUMNS)
+        cells = "".join(f"<td>{_cell(row, column, kind)}</td>" for column, _, kind in columns)
         body.append(f"<tr>{cells}</tr>")
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+
+
+def _cell(row: Any, column: str, kind: str) -> str:
+    value = row[column]
+    if kind == "text":
+        return html.escape(str(value))
+    if kind == "count" and np.isfinite(value) and value >= 1:
+        return number(round(value))
+    if kind == "megabytes":
+        return number(value / 1e6)
+    if kind == "interval":
+        low, high = (row.get(f"{column}_{end}", math.nan) for end in ("low", "high"))
+        known = math.isfinite(low) and math.isfinite(high)
+        return number(value) + (f'<br><small class="faint">{number(low)} – {number(high)}</small>' if known else "")
+    return number(value)
+
+
+def noise_text(noise: Any) -> str:
+    """What the null comparison says, as HTML; `noise`: the rows of `noise.csv`, or None."""
+    floor = noise_floor(noise)
+    if floor is None:
+        return "No null comparison is here (one method timed twice), so how well this machine repeats is not known."
+    names = (("select_ms", "selecting"), ("gpu_ms", "on the GPU"))
+    parts = ", ".join(f"{percent(part)} {name}" for column, name in names if (part := noise_floor(noise, column)))
+    row = noise.iloc[0]
+    shared = ""
+    if row["jobs"] > 1:
+        shared = f" The runs shared the machine, {row['jobs']} at a time; the second time this one had it to itself."
+    return (
+        f"The same method twice differs by up to <b>{percent(floor)}</b> in frame time"
+        f"{f' ({parts})' if parts else ''}: <code>{html.escape(row['run'])}</code>, timed once more after "
+        f"everything else. That is this machine's noise floor; no smaller difference of times is a finding.{shared}"
+    )
 
 
 # ---- pictures -------------------------------------------------------------------------------------
@@ -82,30 +116,38 @@ def _chart(chart: charts.Chart, caption: str) -> str:
 
 
 def _strip(folder: Path, run: Any, seen: dict[Path, str]) -> str:
-    """Shade, reference, difference and levels of a run's worst frame; empty when it wrote none."""
+    """Shade, reference, difference, error and levels of a run's worst frame; empty when it wrote none."""
     found = sorted(folder.glob("*-level.png"))
     if not found:
         return ""
     number_text = found[0].name.split("-")[0]
-    reference = folder / f"{number_text}-reference.png"
     deltas = sorted(folder.glob(f"{number_text}-difference-x*.png"))
-    items = [(folder / f"{number_text}.png", "drawn")]
-    if reference.exists():
-        items.append((reference, "reference: everything drawn"))
-    if deltas:
-        factor = re.search(r"-x(\d+)\.png$", deltas[0].name)[1]
-        items.append((deltas[0], f"difference × {factor}"))
-    items.append((found[0], "levels of the hierarchy"))
+    factor = re.search(r"-x(\d+)\.png$", deltas[0].name)[1] if deltas else ""
+    items = [
+        (folder / f"{number_text}.png", "drawn"),
+        (folder / f"{number_text}-reference.png", "reference: everything drawn"),
+        *((file, f"difference × {factor}") for file in deltas),
+        (folder / f"{number_text}-error.png", "measured error"),
+        (found[0], "levels of the hierarchy"),
+    ]
     cells = []
     for file, caption in items:
+        if not file.exists():
+            continue
         if file not in seen:
             kind = "png" if "level" in file.name else "jpeg"
             seen[file] = _inline(pictures.encode(pictures.load(file), STRIP_WIDTH, kind), kind)
-        cells.append(f'<figure><img loading="lazy" alt="{caption}" src="{seen[file]}"><figcaption>{caption}'
-                     "</figcaption></figure>")  # fmt: skip
+        cells.append(f'<figure><a href="{_link(file)}"><img loading="lazy" alt="{caption}" src="{seen[file]}"></a>'
+                     f"<figcaption>{caption}</figcaption></figure>")  # fmt: skip
     error = number(run["measured_px_max_worst"])
-    head = f"<h3>{html.escape(run['run'])} <span class='faint'>· frame {int(number_text)}, {error} px</span></h3>"
+    frame = f'<a href="{_link(items[0][0])}">frame {int(number_text)}</a>'
+    head = f"<h3>{html.escape(run['run'])} <span class='faint'>· {frame}, {error} px</span></h3>"
     return f'{head}<div class="strip">{"".join(cells)}</div>'
+
+
+def _link(picture: Path) -> str:
+    """A picture of `images/` as the page, beside that folder, points at it."""
+    return html.escape(quote("/".join(("images", picture.parent.name, picture.name))))
 
 
 def _strips(result: Sweep) -> str:
@@ -115,8 +157,9 @@ def _strips(result: Sweep) -> str:
     if not text:
         return '<p class="faint">These runs kept no pictures (images = none).</p>'
     note = (
-        "The measured frame of each run with the largest error. The difference is the absolute difference to the "
-        "reference in each colour, brightened by the factor that is named. Full size: <code>images/</code>."
+        "The measured frame of each run with the largest error; a picture opens in full size. The difference is the "
+        "absolute difference to the reference in each colour, brightened by the factor that is named. The measured "
+        "error is coloured on the drawn surface, in pixels of distance to the source."
     )
     return f"<p>{note}</p>{text}"
 
@@ -182,6 +225,7 @@ def write(directory: str | os.PathLike[str]) -> Path:
         lead=_LEAD,
         pareto=pareto,
         table_note=_TABLE_NOTE,
+        noise=noise_text(result.noise),
         table=summary_table(summary),
         laws="".join(
             f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in judge(result.frames, size[0], fov)
@@ -226,10 +270,14 @@ _LEAD = (
 _PARETO_CAPTION = (
     "A point is a run, labelled with its budget; logarithmic axes. Height: the largest distance on screen between a "
     "sample of the source and the drawn surface, over the measured frames. Thin bars reach from the 5th to the 95th "
-    "percentile of the run's frames. Runs on the dashed line measure zero (below the slack of 0.01 px)."
+    "percentile of the run's frames, thick ones over the 95 % interval of its median time. Times that chance and the "
+    "noise of this machine do not tell apart, frame by frame, are marked: dashed between two budgets of a curve, "
+    "dotted between two curves at one budget, a hollow point where it takes as long as <b>full</b>. Runs on the "
+    "dashed line measure zero (below the slack of 0.01 px)."
 )
 _TIMELINE_CAPTION = "The stronger the colour, the smaller the error budget. A point below its line: the promise holds."
 _TABLE_NOTE = (
-    "Times and counts are medians over the frames of a run; errors are the worst over its measured frames. "
+    "Times and counts are medians over the frames of a run, under the median time its 95 % interval (frames and "
+    "timing passes drawn again); errors are the worst over its measured frames. "
     "Every figure of every frame is in <code>frames.csv</code>."
 )

@@ -11,6 +11,7 @@ from typing import Any
 from . import _core, pictures, results
 from .errors import InvalidInput
 from .passes import (
+    PICTURE_SAMPLES,
     CaptureMismatch,
     Flight,
     Flown,
@@ -56,8 +57,9 @@ class Run:
     def image(self, frame: int | None = None, show: str = "shade") -> Frame:
         """The picture of a frame (default: the worst one), drawn again from its recorded cut.
 
-        Of a run read from disk only the pictures that it wrote are there; `show` is then `shade`, or for
-        the worst frame `level` and `reference`.
+        `show`: shade, level, wire, reference, or error (measured, in pixels, with its scale below). Of a run read
+        from disk only the pictures that it wrote are there: `shade`, and of the worst frame `level`, `reference` and
+        `error`.
         """
         f = worst_frame(self.frames.to_dict("records")) if frame is None else int(frame)
         if not 0 <= f < len(self.frames):
@@ -66,8 +68,15 @@ class Run:
             recording = self._flown.recording
             if show == "wire":
                 return Frame(self._flown.session.wire(recording.cuts[f], recording.views[f]).image)
-            if show == "reference" and self._flown.yardstick is not None:
+            if show in ("reference", "error") and self._flown.yardstick is None:
+                raise InvalidInput(f"image: run {self.name} was not measured, so it has no picture {show!r}")
+            if show == "error":
+                cut, view = recording.cuts[f], recording.views[f]
+                return Frame(self._flown.yardstick.error_picture(self._flown.session, cut, view))
+            if show == "reference":
                 reference = self._flown.yardstick.reference(recording.views[f])
+                if reference is None:
+                    raise InvalidInput(f"image: run {self.name} has no reference (above {PICTURE_SAMPLES} samples)")
                 return Frame(reference.image, reference.depth)
             drawn = self._flown.session.draw(recording.cuts[f], recording.views[f], show)
             return Frame(drawn.image, drawn.depth)
