@@ -50,7 +50,7 @@ install_packages() {
 }
 
 wanted=(g++ cmake ninja-build pkg-config ccache git doctest-dev libglm-dev libtbb-dev libmeshoptimizer-dev
-        libsqlite3-dev libxxhash-dev libepoxy-dev libegl1 libgl1-mesa-dri)
+        libembree-dev libsqlite3-dev libxxhash-dev libepoxy-dev libegl1 libgl1-mesa-dri)
 openimageio="${LODLAB_OPENIMAGEIO:-ON}"
 [ "$openimageio" = OFF ] || wanted+=(libopenimageio-dev)
 

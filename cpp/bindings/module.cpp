@@ -40,6 +40,7 @@ py::dict libraries() {
   out["pybind11"] = std::to_string(PYBIND11_VERSION_MAJOR) + "." + std::to_string(PYBIND11_VERSION_MINOR) +
                     "." + std::to_string(PYBIND11_VERSION_MICRO);
   out["epoxy"] = LODLAB_EPOXY_VERSION;
+  out["embree"] = LODLAB_EMBREE_VERSION;
 #ifdef LODLAB_OPENIMAGEIO
   out["openimageio"] = LODLAB_OPENIMAGEIO_VERSION;
 #endif
@@ -75,6 +76,7 @@ PYBIND11_MODULE(_core, m) {
   lodlab::bind_store(m);
   lodlab::bind_session(m);
   lodlab::bind_instrument(m);
+  lodlab::bind_mesh_error(m);
   lodlab::bind_devices(m);
   lodlab::bind_bench(m);
 #ifdef LODLAB_OPENIMAGEIO

@@ -2,50 +2,26 @@
 #include "instrument/pixel_error.h"
 
 #include <algorithm>
-#include <string>
 
-#include "base/errors.h"
-#include "base/parallel.h"
 #include "instrument/screen.h"
 
 namespace lodlab::instrument {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kNothing = -1.0;  ///< at a pixel without a surface
-
-void check(const render::Picture& picture, const Camera& camera) {
-  const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
-  if (picture.width == camera.width && picture.height == camera.height && picture.depth.size() == pixels)
-    return;
-  throw InvalidInput("measure: the picture is " + std::to_string(picture.width) + " x " +
-                     std::to_string(picture.height) + " with " + std::to_string(picture.depth.size()) +
-                     " depths; the view is " + std::to_string(camera.width) + " x " +
-                     std::to_string(camera.height));
-}
 
 /// Calls `distance(point, place, up)` at every covered pixel: the point relative to the eye, its fractional
 /// (column, row), local up there. Row by row; kNothing where the picture is empty.
 template <class Distance>
 std::vector<double> at_pixels(const SampleGrid& grid, const render::Picture& picture, const Camera& camera,
                               const Distance& distance) {
-  check(picture, camera);
-  std::vector<double> out(picture.depth.size(), kNothing);
-  parallel_for(camera.height, 8, [&](int64_t begin, int64_t end) {
-    for (int64_t y = begin; y < end; ++y) {
-      for (int x = 0; x < camera.width; ++x) {
-        const size_t pixel = static_cast<size_t>(y * camera.width + x);
-        const double depth = picture.depth[pixel];
-        if (!std::isfinite(depth)) continue;
-        const glm::dvec3 point = unproject(camera, x, static_cast<int>(y), depth);
-        out[pixel] = distance(point, grid.coordinates(point, camera.eye), up_at(grid, point, camera.eye));
-      }
-    }
+  return over_pixels(picture, camera, [&](const glm::dvec3& point) {
+    return distance(point, grid.coordinates(point, camera.eye), up_at(grid, point, camera.eye));
   });
-  return out;
 }
 
-/// From a point to where it lies after a displacement; no displacement is no distance, whatever rounding does.
+/// From a point to where it lies after a displacement; no displacement is no distance, whatever rounding
+/// does.
 double moved(const Camera& camera, const glm::dvec3& point, const glm::dvec3& displacement) {
   return displacement == glm::dvec3(0.0) ? 0.0 : screen_distance(camera, point, point + displacement);
 }
@@ -109,9 +85,8 @@ std::vector<float> error_picture(const HeightField& field, const SampleGrid& gri
         return std::isnan(deviation) ? kInfinite : moved(camera, point, -deviation * up);
       });
   std::vector<float> out(distances.size());
-  std::transform(distances.begin(), distances.end(), out.begin(), [](double distance) {
-    return static_cast<float>(distance < 0.0 ? kUndefined : distance);
-  });
+  std::transform(distances.begin(), distances.end(), out.begin(),
+                 [](double distance) { return static_cast<float>(distance < 0.0 ? kUndefined : distance); });
   return out;
 }
 

@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include "base/errors.h"
+#include "base/parallel.h"
 #include "geometry/view.h"
 #include "instrument/sample_error.h"
 #include "instrument/sample_grid.h"
+#include "render/frame.h"
 
 namespace lodlab::instrument {
 
@@ -17,6 +21,34 @@ inline glm::dvec3 unproject(const Camera& camera, int x, int y, double depth) {
   const double right = (x + 0.5 - 0.5 * camera.width) / camera.K,
                up = (0.5 * camera.height - y - 0.5) / camera.K;
   return depth * (camera.forward + right * camera.right + up * camera.up);
+}
+
+/// A pixel without a surface, among distances.
+inline constexpr double kNothing = -1.0;
+
+/// Calls `distance(point)` at every covered pixel with the point that it shows, relative to the eye. Row by
+/// row; kNothing where the picture is empty. InvalidInput when it has no depth or not the camera's size.
+template <class Distance>
+std::vector<double> over_pixels(const render::Picture& picture, const Camera& camera,
+                                const Distance& distance) {
+  const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
+  if (picture.width != camera.width || picture.height != camera.height || picture.depth.size() != pixels) {
+    throw InvalidInput("measure: the picture is " + std::to_string(picture.width) + " x " +
+                       std::to_string(picture.height) + " with " + std::to_string(picture.depth.size()) +
+                       " depths; the view is " + std::to_string(camera.width) + " x " +
+                       std::to_string(camera.height));
+  }
+  std::vector<double> out(pixels, kNothing);
+  parallel_for(camera.height, 8, [&](int64_t begin, int64_t end) {
+    for (int64_t y = begin; y < end; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const size_t pixel = static_cast<size_t>(y * camera.width + x);
+        const double depth = picture.depth[pixel];
+        if (std::isfinite(depth)) out[pixel] = distance(unproject(camera, x, static_cast<int>(y), depth));
+      }
+    }
+  });
+  return out;
 }
 
 /// Local up at a point relative to the eye.
@@ -30,7 +62,7 @@ struct PixelError {
   int64_t pixels = 0;  ///< covered pixels; nan above when there are none
 };
 
-/// Of the distances at all pixels; negative: nothing is there.
+/// Of the distances at all pixels, kNothing left out.
 inline PixelError summarize(std::vector<double> distances) {
   std::erase_if(distances, [](double distance) { return distance < 0.0; });
   PixelError out;

@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: MIT
+// Work is cut into blocks whose size depends on its amount alone, and reduced block by block, in order: the
+// same figures for any number of threads.
+#include "instrument/mesh_distance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "base/errors.h"
+#include "base/parallel.h"
+
+namespace lodlab::instrument {
+namespace {
+
+constexpr int64_t kMostPieces = int64_t{1} << 24;
+
+/// Every third cut halves the longest edge, so that pieces shrink whatever the other cuts do.
+constexpr int kHalveEvery = 3;
+
+/// One result a block of [0, count); at least 64 blocks where there is work for them.
+template <class Result, class Body>
+std::vector<Result> per_block(int64_t count, const Body& body) {
+  const int64_t size = std::clamp<int64_t>(count / 64, 1, 256);
+  std::vector<Result> out(static_cast<size_t>((count + size - 1) / size));
+  parallel_for(static_cast<int64_t>(out.size()), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t block = begin; block < end; ++block) {
+      for (int64_t i = block * size; i < std::min(count, (block + 1) * size); ++i)
+        body(i, out[static_cast<size_t>(block)]);
+    }
+  });
+  return out;
+}
+
+double area(const Triangle& t) { return 0.5 * glm::length(glm::cross(t[1] - t[0], t[2] - t[0])); }
+
+glm::dvec3 inside(const Triangle& t, const glm::dvec3& weights) {
+  return weights.x * t[0] + weights.y * t[1] + weights.z * t[2];
+}
+
+struct RulePoint {
+  double weight;
+  glm::dvec3 at;
+};
+
+/// Radon (1948): exact for polynomials of degree 5.
+const std::array<RulePoint, 7>& radon() {
+  static const std::array<RulePoint, 7> rule = [] {
+    const double root = std::sqrt(15.0);
+    std::array<RulePoint, 7> out;
+    out[0] = {9.0 / 40.0, glm::dvec3(1.0 / 3.0)};
+    for (int group = 0; group < 2; ++group) {
+      const double sign = group == 0 ? 1.0 : -1.0, pair = (6.0 + sign * root) / 21.0;
+      for (int i = 0; i < 3; ++i) {
+        glm::dvec3 at(pair);
+        at[i] = 1.0 - 2.0 * pair;
+        out[static_cast<size_t>(1 + 3 * group + i)] = {(155.0 + sign * root) / 1200.0, at};
+      }
+    }
+    return out;
+  }();
+  return rule;
+}
+
+struct Corner {
+  glm::dvec3 at{0.0};
+  double distance = 0.0;
+  uint32_t closest = kNoTriangle;
+};
+
+/// Part of a triangle of the surface. `best`: the target triangle that gives the lowest upper bound.
+struct Piece {
+  std::array<Corner, 3> corners;
+  double upper = std::numeric_limits<double>::infinity();
+  uint32_t best = kNoTriangle;
+};
+
+/// What a block of triangles, or of pieces, comes to.
+struct Found {
+  double largest = 0.0;  ///< distance attained
+  double squares = 0.0;  ///< integral of the squared distance over the area
+  std::vector<Piece> open;
+
+  /// A point of a piece was seen. Its rounding must not lift it above what the piece can hold.
+  void attain(const Corner& point, double upper) {
+    largest = std::max(largest, std::min(point.distance, upper));
+  }
+};
+
+class Measurer {
+ public:
+  Measurer(const MeshSurface& to, double absolute) : to_(to), absolute_(absolute) {}
+
+  bool exceeds(double upper, double lower) const {
+    return upper > lower * (1.0 + kMaxTolerance) && upper > lower + absolute_;
+  }
+  double distance(const glm::dvec3& point, uint32_t triangle) const {
+    return closest_on_triangle(to_.mesh().triangle(triangle), point).distance;
+  }
+
+  /// The integral over a triangle that is cut into parts^2 equal parts.
+  void integrate(const Triangle& triangle, int64_t parts, const Piece& whole, Found& found) const;
+  /// Bounds a piece by the triangles closest to its corners, by `others`, and when that leaves it open by
+  /// the one closest to its centroid.
+  void bound(Piece& piece, std::array<uint32_t, 2> others, double lower, Found& found) const;
+  /// Bounds the parts of a piece and keeps those still open.
+  void cut(const Piece& piece, bool halve, double lower, Found& found) const;
+
+ private:
+  Corner corner(const glm::dvec3& at, uint32_t hint) const;
+  void try_bound(Piece& piece, uint32_t triangle) const;
+  glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const;
+  bool cut_between(const Piece& piece, uint32_t a, uint32_t b, double lower, Found& found) const;
+  void keep(const std::array<Corner, 3>& corners, std::array<uint32_t, 2> others, double lower,
+            Found& found) const;
+
+  const MeshSurface& to_;
+  double absolute_;
+};
+
+Corner Measurer::corner(const glm::dvec3& at, uint32_t hint) const {
+  const Closest closest = to_.closest(at, hint);
+  return {at, closest.distance, closest.triangle};
+}
+
+void Measurer::integrate(const Triangle& triangle, int64_t parts, const Piece& whole, Found& found) const {
+  const double n = static_cast<double>(parts);
+  const glm::dvec3 u = (triangle[1] - triangle[0]) / n, v = (triangle[2] - triangle[0]) / n;
+  double squares = 0.0;
+  uint32_t hint = whole.best;
+  const auto part = [&](const Triangle& t) {
+    for (const RulePoint& point : radon()) {
+      const Corner at = corner(inside(t, point.at), hint);
+      found.attain(at, whole.upper);
+      hint = at.closest;
+      squares += point.weight * at.distance * at.distance;
+    }
+  };
+  for (int64_t i = 0; i < parts; ++i) {
+    for (int64_t j = 0; i + j < parts; ++j) {
+      const glm::dvec3 a = triangle[0] + static_cast<double>(i) * u + static_cast<double>(j) * v;
+      part({a, a + u, a + v});
+      if (i + j + 1 < parts) part({a + u, a + u + v, a + v});
+    }
+  }
+  found.squares += squares * area(triangle) / (n * n);
+}
+
+void Measurer::try_bound(Piece& piece, uint32_t triangle) const {
+  double upper = 0.0;
+  for (const Corner& c : piece.corners) upper = std::max(upper, distance(c.at, triangle));
+  if (upper >= piece.upper) return;
+  piece.upper = upper;
+  piece.best = triangle;
+}
+
+void Measurer::bound(Piece& piece, std::array<uint32_t, 2> others, double lower, Found& found) const {
+  for (const Corner& c : piece.corners) try_bound(piece, c.closest);
+  for (const uint32_t other : others) {
+    if (other != kNoTriangle) try_bound(piece, other);
+  }
+  if (!exceeds(piece.upper, lower)) return;
+  const auto& c = piece.corners;
+  const glm::dvec3 centroid = (c[0].at + c[1].at + c[2].at) / 3.0;
+  const Corner middle = corner(centroid, piece.best);
+  try_bound(piece, middle.closest);
+  found.attain(middle, piece.upper);
+}
+
+void Measurer::keep(const std::array<Corner, 3>& corners, std::array<uint32_t, 2> others, double lower,
+                    Found& found) const {
+  Piece piece;
+  piece.corners = corners;
+  bound(piece, others, lower, found);
+  if (exceeds(piece.upper, lower)) found.open.push_back(piece);
+}
+
+/// Where between two points, of which one is closer to a and the other to b, both are equally far: regula
+/// falsi, Illinois' way. Need not be exact.
+glm::dvec3 Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const {
+  const auto difference = [&](const glm::dvec3& at) { return distance(at, a) - distance(at, b); };
+  double lo = 0.0, hi = 1.0, at_lo = difference(from), at_hi = difference(to);
+  int last = 0;
+  for (int step = 0; step < 40 && at_lo != at_hi; ++step) {
+    const double middle = std::clamp(lo - at_lo * (hi - lo) / (at_hi - at_lo), lo, hi);
+    const double value = difference(glm::mix(from, to, middle));
+    if (value == 0.0 || middle == lo || middle == hi) return glm::mix(from, to, middle);
+    if ((value > 0.0) == (at_hi > 0.0)) {
+      hi = middle, at_hi = value;
+      if (last == 1) at_lo *= 0.5;
+      last = 1;
+    } else {
+      lo = middle, at_lo = value;
+      if (last == -1) at_hi *= 0.5;
+      last = -1;
+    }
+  }
+  return glm::mix(from, to, 0.5 * (lo + hi));
+}
+
+/// Cuts off the corner that alone is closer to one of two target triangles. False when there is none, or when
+/// the cut would leave the piece as it is.
+bool Measurer::cut_between(const Piece& piece, uint32_t a, uint32_t b, double lower, Found& found) const {
+  std::array<bool, 3> nearer_b;
+  for (size_t i = 0; i < 3; ++i)
+    nearer_b[i] = distance(piece.corners[i].at, a) > distance(piece.corners[i].at, b);
+  const int count = nearer_b[0] + nearer_b[1] + nearer_b[2];
+  if (count == 0 || count == 3) return false;
+  const size_t lone =
+      static_cast<size_t>(std::find(nearer_b.begin(), nearer_b.end(), count == 1) - nearer_b.begin());
+  const Corner& tip = piece.corners[lone];
+  const Corner& p = piece.corners[(lone + 1) % 3];
+  const Corner& q = piece.corners[(lone + 2) % 3];
+  const glm::dvec3 at_p = crossing(tip.at, p.at, a, b), at_q = crossing(tip.at, q.at, a, b);
+  if (at_p == tip.at || at_q == tip.at || (at_p == p.at && at_q == q.at)) return false;
+  const Corner on_p = corner(at_p, a), on_q = corner(at_q, a);
+  found.attain(on_p, piece.upper);
+  found.attain(on_q, piece.upper);
+  keep({tip, on_p, on_q}, {a, b}, lower, found);
+  if (at_p != p.at) keep({p, on_q, on_p}, {a, b}, lower, found);
+  if (at_q != q.at) keep({p, q, on_q}, {a, b}, lower, found);
+  return true;
+}
+
+void Measurer::cut(const Piece& piece, bool halve, double lower, Found& found) const {
+  const auto farther = [&](const Corner& x, const Corner& y) {
+    return distance(x.at, piece.best) < distance(y.at, piece.best);
+  };
+  const Corner& worst = *std::max_element(piece.corners.begin(), piece.corners.end(), farther);
+  if (!halve && cut_between(piece, piece.best, worst.closest, lower, found)) return;
+  size_t longest = 0;  // the edge from this corner to the next
+  double length = -1.0;
+  for (size_t i = 0; i < 3; ++i) {
+    const double edge = glm::distance(piece.corners[i].at, piece.corners[(i + 1) % 3].at);
+    if (edge > length) length = edge, longest = i;
+  }
+  const Corner &p = piece.corners[longest], &q = piece.corners[(longest + 1) % 3],
+               &tip = piece.corners[(longest + 2) % 3];
+  const Corner middle = corner(0.5 * (p.at + q.at), piece.best);
+  found.attain(middle, piece.upper);
+  keep({tip, p, middle}, {piece.best, worst.closest}, lower, found);
+  keep({tip, middle, q}, {piece.best, worst.closest}, lower, found);
+}
+
+/// Takes over what blocks have found; pieces that the distance attained meanwhile settles are dropped.
+std::vector<Piece> gather(const Measurer& measurer, std::vector<Found>& blocks, double& lower) {
+  for (const Found& block : blocks) lower = std::max(lower, block.largest);
+  std::vector<Piece> out;
+  for (Found& block : blocks) {
+    for (const Piece& piece : block.open) {
+      if (measurer.exceeds(piece.upper, lower)) out.push_back(piece);
+    }
+    block.open = {};
+  }
+  return out;
+}
+
+double refine(const Measurer& measurer, std::vector<Piece> open, double lower) {
+  int64_t cut = 0;
+  for (int round = 1; !open.empty(); ++round) {
+    cut += static_cast<int64_t>(open.size());
+    if (cut > kMostPieces) {
+      double upper = 0.0;
+      for (const Piece& piece : open) upper = std::max(upper, piece.upper);
+      char text[200];
+      std::snprintf(
+          text, sizeof text,
+          "mesh_accuracy: the largest distance lies within %.9g to %.9g after %lld pieces of surface; "
+          "no more than that are tried",
+          lower, upper, static_cast<long long>(kMostPieces));
+      throw Unsupported(text);
+    }
+    auto blocks = per_block<Found>(static_cast<int64_t>(open.size()), [&](int64_t i, Found& found) {
+      measurer.cut(open[static_cast<size_t>(i)], round % kHalveEvery == 0, lower, found);
+    });
+    open = gather(measurer, blocks, lower);
+  }
+  return lower;
+}
+
+}  // namespace
+
+std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to) {
+  std::vector<Closest> out(from.positions.size());
+  parallel_for(static_cast<int64_t>(out.size()), 1024, [&](int64_t begin, int64_t end) {
+    uint32_t hint = kNoTriangle;
+    for (int64_t i = begin; i < end; ++i) {
+      const auto vertex = static_cast<size_t>(i);
+      out[vertex] = to.closest(from.positions[vertex], hint);
+      hint = out[vertex].triangle;
+    }
+  });
+  return out;
+}
+
+SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
+                                 const MeshSurface& to, double extent) {
+  double lower = 0.0, whole_area = 0.0;
+  for (const Closest& closest : at_vertices) lower = std::max(lower, closest.distance);
+  for (int64_t i = 0; i < from.triangles(); ++i) whole_area += area(from.triangle(i));
+  const double share = whole_area / static_cast<double>(std::max(from.triangles(), to.mesh().triangles()));
+  const Measurer measurer(to, kLeastShare * extent);
+  auto blocks = per_block<Found>(from.triangles(), [&](int64_t i, Found& found) {
+    const Triangle triangle = from.triangle(i);
+    Piece piece;
+    for (size_t k = 0; k < 3; ++k) {
+      const Closest& closest = at_vertices[from.faces[static_cast<size_t>(i)][k]];
+      piece.corners[k] = {triangle[k], closest.distance, closest.triangle};
+    }
+    measurer.bound(piece, {kNoTriangle, kNoTriangle}, lower, found);
+    if (measurer.exceeds(piece.upper, lower)) found.open.push_back(piece);
+    const double own = area(triangle);
+    if (own == 0.0 || piece.upper == 0.0) return;  // a triangle that lies in one of the target's adds nothing
+    const int64_t parts = std::max<int64_t>(1, std::llround(std::sqrt(own / share)));
+    measurer.integrate(triangle, parts, piece, found);
+  });
+  double squares = 0.0;
+  for (const Found& block : blocks) squares += block.squares;
+  std::vector<Piece> open = gather(measurer, blocks, lower);
+  SurfaceDistance out;
+  out.max = refine(measurer, std::move(open), lower);
+  out.rms = whole_area > 0.0 ? std::sqrt(squares / whole_area) : std::numeric_limits<double>::quiet_NaN();
+  return out;
+}
+
+}  // namespace lodlab::instrument

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+// How far one mesh's surface is from another's: the largest distance over all points of the surface, not of
+// its vertices alone (a triangle may lie farthest in its middle), and the root of the mean square over its
+// area.
+//
+// Maximum by branch and bound. The distance to one triangle is convex: over a piece P of the surface it is
+// nowhere larger than at P's corners, so for every target triangle t,
+//   max over corners of d(corner, M)  <=  sup over P of d(x, M)  <=  max over corners of d(corner, t).
+// Pieces whose upper bound exceeds the largest distance seen are cut, where two target triangles are equally
+// far (then each part tends to have one closest triangle, and its bounds meet), in turns with halving.
+// Root mean square by Radon's rule of seven points, of degree 5, on every triangle, cut into equal parts
+// until it has its share of the points that the finer of the two meshes asks for.
+#pragma once
+
+#include "instrument/mesh_surface.h"
+
+namespace lodlab::instrument {
+
+/// A maximum is an attained distance: no point of the surface is farther than that by more than this share of
+/// it (or, where it is next to nothing, by kLeastShare of the meshes' extent).
+inline constexpr double kMaxTolerance = 1e-3;
+inline constexpr double kLeastShare = 1e-9;
+
+struct SurfaceDistance {
+  double max = 0.0;  ///< within the tolerance below the true maximum
+  double rms = 0.0;  ///< nan when the surface has no area
+};
+
+/// The closest point of `to` to each position of `from`.
+std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to);
+
+/// From every point of `from`, which has triangles as `to` has. `at_vertices` as above; `extent`: the size of
+/// both together. Throws Unsupported when the maximum takes more than kMostPieces pieces to find.
+SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
+                                 const MeshSurface& to, double extent);
+
+}  // namespace lodlab::instrument

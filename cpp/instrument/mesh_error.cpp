@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/mesh_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "base/errors.h"
+#include "base/parallel.h"
+#include "geometry/bounds.h"
+#include "instrument/mesh_distance.h"
+#include "instrument/pixels.h"
+#include "instrument/screen.h"
+
+namespace lodlab::instrument {
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+/// The box of triangles that are all as they must be.
+Box checked_box(std::span<const Triangle> triangles, const char* whose) {
+  Box box;
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    for (const glm::dvec3& p : triangles[i]) {
+      if (std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kFarthestMesh && !std::isnan(p.x) &&
+          !std::isnan(p.y) && !std::isnan(p.z)) {
+        box.add(p);
+        continue;
+      }
+      char text[200];
+      std::snprintf(
+          text, sizeof text,
+          "mesh_accuracy: %s triangle %zu has a vertex at (%.9g, %.9g, %.9g); positions must be finite, "
+          "and within %g",
+          whose, i, p.x, p.y, p.z, kFarthestMesh);
+      throw InvalidInput(text);
+    }
+  }
+  return box;
+}
+
+std::vector<Triangle> source_triangles(std::span<const glm::dvec3> positions,
+                                       std::span<const std::array<uint32_t, 3>> faces) {
+  if (faces.empty()) throw InvalidInput("mesh_accuracy: the source has no triangles");
+  std::vector<Triangle> out(faces.size());
+  for (size_t i = 0; i < faces.size(); ++i) {
+    for (size_t k = 0; k < 3; ++k) {
+      if (faces[i][k] >= positions.size()) {
+        throw InvalidInput("mesh_accuracy: source triangle " + std::to_string(i) + " names vertex " +
+                           std::to_string(faces[i][k]) + " of " + std::to_string(positions.size()));
+      }
+      out[i][k] = positions[faces[i][k]];
+    }
+  }
+  return out;
+}
+
+double larger(double a, double b) { return std::isnan(a) || b > a ? b : a; }
+
+/// Over vertices inside the frustum. `offset` leads from mesh coordinates to those relative to the eye.
+double vertex_error_px(const Mesh& source, const std::vector<Closest>& drawn, const Camera& camera,
+                       const glm::dvec3& offset) {
+  double worst = kUndefined;
+  for (size_t i = 0; i < drawn.size(); ++i) {
+    const glm::dvec3 sample = source.positions[i] + offset;
+    if (!in_frustum(camera, sample)) continue;
+    const double distance = drawn[i].distance;
+    const bool moved = distance > 0.0 && distance < kInfinite;
+    worst = larger(worst, moved ? screen_distance(camera, sample, drawn[i].point + offset) : distance);
+  }
+  return worst;
+}
+
+PixelError pixel_error(const MeshSurface& drawn, const render::Picture& reference, const Camera& camera,
+                       const glm::dvec3& offset) {
+  return summarize(over_pixels(reference, camera, [&](const glm::dvec3& point) {
+    const Closest closest = drawn.closest(point - offset);
+    return closest.triangle == kNoTriangle ? kInfinite
+                                           : screen_distance(camera, point, closest.point + offset);
+  }));
+}
+
+}  // namespace
+
+MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
+                           std::span<const std::array<uint32_t, 3>> faces, std::span<const Triangle> drawn,
+                           const MeshView& view) {
+  if (view.reference != nullptr && view.camera == nullptr)
+    throw InvalidInput("mesh_accuracy: a reference depth needs the view that it was drawn for");
+  Box box;
+  Mesh source, shown;
+  glm::dvec3 centre;
+  {
+    const std::vector<Triangle> triangles = source_triangles(positions, faces);
+    box = checked_box(triangles, "source");
+    centre = box.center();
+    box.add(checked_box(drawn, "drawn"));
+    source = weld(triangles, centre);
+    shown = weld(drawn, centre);
+  }
+  const MeshSurface source_surface(source), drawn_surface(shown);
+  const std::vector<Closest> at_source = closest_to_vertices(source, drawn_surface);
+  MeshAccuracy out;
+  if (drawn.empty()) {
+    out.measured_max_source_to_drawn = out.measured_rms_source_to_drawn = kInfinite;
+  } else {
+    const double extent = glm::distance(box.lo, box.hi);
+    const auto there = surface_distance(source, at_source, drawn_surface, extent);
+    const auto back =
+        surface_distance(shown, closest_to_vertices(shown, source_surface), source_surface, extent);
+    out.measured_max_source_to_drawn = there.max;
+    out.measured_rms_source_to_drawn = there.rms;
+    out.measured_max_drawn_to_source = back.max;
+    out.measured_rms_drawn_to_source = back.rms;
+  }
+  out.measured_max = larger(out.measured_max_source_to_drawn, out.measured_max_drawn_to_source);
+  out.measured_rms = larger(out.measured_rms_source_to_drawn, out.measured_rms_drawn_to_source);
+  if (view.camera == nullptr) return out;
+  const glm::dvec3 offset = centre - view.camera->eye;
+  out.measured_px_max = vertex_error_px(source, at_source, *view.camera, offset);
+  if (view.reference != nullptr) {
+    const PixelError pixels = pixel_error(drawn_surface, *view.reference, *view.camera, offset);
+    out.measured_px_p99 = pixels.p99;
+    out.measured_px_rms = pixels.rms;
+  }
+  return out;
+}
+
+}  // namespace lodlab::instrument

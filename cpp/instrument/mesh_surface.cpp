@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: MIT
+#include "instrument/mesh_surface.h"
+
+#include <meshoptimizer.h>
+
+#include LODLAB_EMBREE_HEADER  // <embree3/rtcore.h> or <embree4/rtcore.h>
+#include <cmath>
+#include <string>
+
+#include "base/errors.h"
+#include "geometry/bounds.h"
+
+namespace lodlab::instrument {
+namespace {
+
+/// Coordinates of size 1 round by 2^-25 to floats, and so do the few operations that measure a box; this
+/// share of all sizes that take part is many times what their roundings can come to.
+constexpr double kFloatSlack = 0x1p-20;
+
+/// Flatter than this (sine of the angle at the first corner), a triangle's normal is mostly rounding. Its
+/// inside is then left out: it is closer than its edges by less than this share of its size.
+constexpr double kFlattest = 1e-8;
+
+/// Closest point of the segment from a to b, exactly b at its end.
+glm::dvec3 closest_on_segment(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& point) {
+  const glm::dvec3 ab = b - a;
+  const double along = glm::dot(point - a, ab), squared = glm::dot(ab, ab);
+  if (!(along > 0.0)) return a;
+  return along >= squared ? b : a + (along / squared) * ab;
+}
+
+/// Squared distance to a triangle, and where.
+double measure(const Triangle& t, const glm::dvec3& point, glm::dvec3& closest) {
+  const glm::dvec3 ab = t[1] - t[0], ac = t[2] - t[0], ap = point - t[0];
+  const glm::dvec3 normal = glm::cross(ab, ac);
+  const double square = glm::dot(normal, normal);
+  if (square > kFlattest * kFlattest * glm::dot(ab, ab) * glm::dot(ac, ac)) {
+    const double w = glm::dot(glm::cross(ab, ap), normal), v = glm::dot(glm::cross(ap, ac), normal);
+    if (w > 0.0 && v > 0.0 && v + w < square && point != t[1] && point != t[2]) {
+      const double height = glm::dot(ap, normal);
+      closest = point - (height / square) * normal;
+      return height * height / square;
+    }
+  }
+  double best = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 3; ++i) {
+    const glm::dvec3 at = closest_on_segment(t[i], t[(i + 1) % 3], point), gap = point - at;
+    const double squared = glm::dot(gap, gap);
+    if (!(squared < best)) continue;
+    best = squared;
+    closest = at;
+  }
+  return best;
+}
+
+struct Search {
+  const Mesh& mesh;
+  glm::dvec3 point;
+  double scale, reach;  ///< reach: what floats round at, scaled
+  double squared = std::numeric_limits<double>::infinity();
+  glm::dvec3 closest{std::numeric_limits<double>::quiet_NaN()};
+  uint32_t triangle = kNoTriangle;
+
+  void consider(uint32_t candidate) {
+    glm::dvec3 at;
+    const double found = measure(mesh.triangle(candidate), point, at);
+    if (found > squared || (found == squared && candidate >= triangle)) return;
+    squared = found;
+    closest = at;
+    triangle = candidate;
+  }
+  float radius() const {
+    const double distance = scale * std::sqrt(squared);
+    return static_cast<float>(distance + kFloatSlack * (reach + distance));
+  }
+};
+
+bool visit(RTCPointQueryFunctionArguments* arguments) {
+  auto& search = *static_cast<Search*>(arguments->userPtr);
+  const double before = search.squared;
+  search.consider(arguments->primID);
+  if (!(search.squared < before)) return false;
+  arguments->query->radius = search.radius();
+  return true;
+}
+
+struct Bounded {
+  const Mesh& mesh;
+  double scale;
+};
+
+void bound(const RTCBoundsFunctionArguments* arguments) {
+  const auto& bounded = *static_cast<const Bounded*>(arguments->geometryUserPtr);
+  Box box;
+  for (const glm::dvec3& corner : bounded.mesh.triangle(arguments->primID)) box.add(bounded.scale * corner);
+  constexpr float kInfinite = std::numeric_limits<float>::infinity();
+  const auto down = [](double v) { return std::nextafter(static_cast<float>(v), -kInfinite); };
+  const auto up = [](double v) { return std::nextafter(static_cast<float>(v), kInfinite); };
+  RTCBounds& out = *arguments->bounds_o;
+  out.lower_x = down(box.lo.x), out.lower_y = down(box.lo.y), out.lower_z = down(box.lo.z);
+  out.upper_x = up(box.hi.x), out.upper_y = up(box.hi.y), out.upper_z = up(box.hi.z);
+}
+
+double largest(const glm::dvec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+
+}  // namespace
+
+Mesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
+  Mesh out;
+  if (triangles.empty()) return out;
+  const size_t corners = 3 * triangles.size();
+  if (corners >= kNoTriangle) {
+    throw Unsupported("mesh_accuracy: " + std::to_string(triangles.size()) +
+                      " triangles; at most 1431655764 can be measured");
+  }
+  std::vector<uint32_t> vertex(corners);
+  const size_t unique = meshopt_generateVertexRemap(vertex.data(), nullptr, corners, triangles.data(),
+                                                    corners, sizeof(glm::dvec3));
+  out.positions.resize(unique);
+  out.faces.resize(triangles.size());
+  for (size_t i = 0; i < corners; ++i) {
+    out.positions[vertex[i]] = triangles[i / 3][i % 3] - centre;
+    out.faces[i / 3][i % 3] = vertex[i];
+  }
+  return out;
+}
+
+Closest closest_on_triangle(const Triangle& triangle, const glm::dvec3& point) {
+  Closest out;
+  out.distance = std::sqrt(measure(triangle, point, out.point));
+  out.triangle = 0;
+  return out;
+}
+
+struct MeshSurface::Scene {
+  Bounded bounded;
+  RTCDevice device = rtcNewDevice(nullptr);
+  RTCScene scene = nullptr;
+
+  explicit Scene(const Bounded& of) : bounded(of) {
+    if (device != nullptr) {
+      scene = rtcNewScene(device);
+      const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+      rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(of.mesh.faces.size()));
+      rtcSetGeometryUserData(geometry, &bounded);
+      rtcSetGeometryBoundsFunction(geometry, &bound, nullptr);
+      rtcCommitGeometry(geometry);
+      rtcAttachGeometry(scene, geometry);
+      rtcReleaseGeometry(geometry);
+      rtcCommitScene(scene);
+    }
+    if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE) {
+      release();
+      throw Unsupported("mesh_accuracy: Embree cannot take " + std::to_string(of.mesh.faces.size()) +
+                        " triangles: its error " + std::to_string(static_cast<int>(error)));
+    }
+  }
+  ~Scene() { release(); }
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+ private:
+  void release() {
+    if (scene != nullptr) rtcReleaseScene(scene);
+    if (device != nullptr) rtcReleaseDevice(device);
+  }
+};
+
+MeshSurface::MeshSurface(const Mesh& mesh) : mesh_(mesh) {
+  if (mesh.faces.empty()) return;
+  double reach = 0.0;
+  for (const glm::dvec3& position : mesh.positions) reach = std::max(reach, largest(position));
+  if (reach > 0.0) scale_ = std::ldexp(1.0, -std::ilogb(reach) - 1);
+  scene_ = std::make_unique<Scene>(Bounded{mesh_, scale_});
+}
+
+MeshSurface::~MeshSurface() = default;
+
+Closest MeshSurface::closest(const glm::dvec3& point, uint32_t hint) const {
+  if (scene_ == nullptr) return {};
+  const glm::dvec3 scaled = scale_ * point;
+  Search search{mesh_, point, scale_, 1.0 + largest(scaled)};
+  if (hint != kNoTriangle) search.consider(hint);
+  RTCPointQuery query{};
+  query.x = static_cast<float>(scaled.x);
+  query.y = static_cast<float>(scaled.y);
+  query.z = static_cast<float>(scaled.z);
+  query.radius = search.radius();
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(scene_->scene, &query, &context, &visit, &search);
+  return {std::sqrt(search.squared), search.closest, search.triangle};
+}
+
+}  // namespace lodlab::instrument

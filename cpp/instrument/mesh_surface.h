@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+// The closest point of a triangle mesh. Embree's hierarchy of boxes finds the triangles that may hold it;
+// each of them is then measured in double, so a distance is as exact as doubles are. Embree works in floats:
+// what it sees is scaled to size 1 by a power of two, boxes are rounded outwards, and the search radius is
+// wider than the best distance by more than its rounding can be. So no closest triangle is lost, and since of
+// equally close triangles the one of smallest index counts, results depend on neither hierarchy nor threads.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace lodlab::instrument {
+
+using Triangle = std::array<glm::dvec3, 3>;
+
+/// Positions relative to a centre that the owner chooses: near the mesh, or doubles lose what they could
+/// hold.
+struct Mesh {
+  std::vector<glm::dvec3> positions;
+  std::vector<std::array<uint32_t, 3>> faces;
+
+  int64_t triangles() const { return static_cast<int64_t>(faces.size()); }
+  Triangle triangle(int64_t index) const {
+    const auto& f = faces[static_cast<size_t>(index)];
+    return {positions[f[0]], positions[f[1]], positions[f[2]]};
+  }
+};
+
+/// Makes corners with bit-equal coordinates one vertex, and subtracts the centre.
+Mesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre);
+
+inline constexpr uint32_t kNoTriangle = std::numeric_limits<uint32_t>::max();
+
+struct Closest {
+  double distance = std::numeric_limits<double>::infinity();
+  glm::dvec3 point{std::numeric_limits<double>::quiet_NaN()};
+  uint32_t triangle = kNoTriangle;
+};
+
+/// The closest point of one triangle, which may be a segment or a point. Exactly 0 at its corners.
+Closest closest_on_triangle(const Triangle& triangle, const glm::dvec3& point);
+
+class MeshSurface {
+ public:
+  /// The mesh must be finite and outlive the surface. Throws Unsupported when Embree cannot build.
+  explicit MeshSurface(const Mesh& mesh);
+  ~MeshSurface();
+  MeshSurface(const MeshSurface&) = delete;
+  MeshSurface& operator=(const MeshSurface&) = delete;
+
+  const Mesh& mesh() const { return mesh_; }
+
+  /// Infinitely far, without a triangle, when the mesh is empty. `hint`: a triangle that may be close, which
+  /// saves time and changes nothing. Any number of threads may ask at once.
+  Closest closest(const glm::dvec3& point, uint32_t hint = kNoTriangle) const;
+
+ private:
+  struct Scene;
+  const Mesh& mesh_;
+  double scale_ = 1.0;  ///< a power of two that brings the largest coordinate into [0.5, 1)
+  std::unique_ptr<Scene> scene_;
+};
+
+}  // namespace lodlab::instrument
