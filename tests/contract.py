@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
+from lodlab.instrument.audit import random_cut
 from tests.pictures import assert_same_picture
 
 PIXEL_SLACK = 0.01  # px; with float steps the one slack of the laws
@@ -285,7 +286,7 @@ class MethodContract:
         full = lod.build(field, "full", folder / "random-full.lod", progress=False, mode="force")
         instrument = _core.Instrument(field.core, full.core.session({}))
         session, view, nodes = store.core.session({}), over(field), store.nodes
-        cut = session.cut(random_cut(nodes, np.random.default_rng(seed), split), None)
+        cut = session.cut(*random_cut(nodes, np.random.default_rng(seed), split))
         row = measure(instrument, session, cut, view, None, pictures=False)
         slack = float_slack(session.capture(cut, view), view)
         assert row["hole_samples"] == 0
@@ -359,21 +360,6 @@ class MethodContract:
         with pytest.raises(lod.errors.InvalidInput, match="finest_error"):
             lod.build(field, self.method, tmp_path / "a.lod", progress=False, finest_error=-1.0)
         assert not list(tmp_path.iterdir())
-
-
-def random_cut(nodes: np.ndarray, random: np.random.Generator, split: float) -> np.ndarray:
-    """Ids of a random valid cut: each node is split with this probability."""
-    children: dict[int, list[int]] = {}
-    for node, parent in zip(nodes["id"].tolist(), nodes["parent"].tolist(), strict=True):
-        children.setdefault(parent, []).append(node)
-    chosen, open_nodes = [], list(children[-1])
-    while open_nodes:
-        node = open_nodes.pop()
-        if node in children and random.random() < split:
-            open_nodes.extend(children[node])
-        else:
-            chosen.append(node)
-    return np.array(sorted(chosen))
 
 
 def killed_field() -> np.ndarray:
