@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+// The adversaries: each does one thing wrong on purpose (family.h says what they do right), and exists to
+// prove that the detector made for it can fail. The table of who catches whom is in
+// tests/adversaries/test_adversaries.py. Flaws of the mesh sit in node 27, in the midst of an 8 x 8 grid of
+// nodes (a field of 129 x 129 samples), unless they are everywhere.
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "family.h"
+
+namespace lodlab::adversaries {
+namespace {
+
+constexpr int64_t kMarked = 27;
+constexpr uint32_t kRow = kSide + 1;  // vertices in a row of a node's lattice
+
+struct HalfBounds : Family {
+  HalfBounds() : Family("half_bounds", "Claims half of its largest deviation.") {}
+  double bound(double deviation) const override { return 0.5 * deviation; }
+};
+
+/// The vertices of the east side move up, its ends left where they are.
+struct Crack : Family {
+  Crack() : Family("crack", "Opens a crack along one side of one node.") {}
+  void change(Mesh& mesh, double gap) const override {
+    if (mesh.node != kMarked) return;
+    for (uint32_t row = 1; row < kSide; ++row)
+      mesh.vertices[row * kRow + kSide].height += static_cast<float>(gap);
+  }
+};
+
+struct Corner : Family {
+  Corner() : Family("corner", "One node disagrees with its neighbours at one corner.") {}
+  void change(Mesh& mesh, double gap) const override {
+    if (mesh.node == kMarked) mesh.vertices[kRow * kRow - 1].height += static_cast<float>(gap);
+  }
+};
+
+/// The other resolution in every frame that the camera moves.
+struct Pop : Family {
+  Pop() : Family("pop", "Jumps between resolutions as the camera moves; both are within the budget.") {}
+  int choose(int honest, int before, bool again) const override {
+    if (before < 0) return honest;
+    return again ? before : 1 - before;
+  }
+};
+
+/// The other resolution in every frame that the camera does not move.
+struct Flicker : Family {
+  Flicker() : Family("flicker", "Jumps between resolutions under a still camera, and only there.") {}
+  int choose(int honest, int before, bool again) const override { return again ? 1 - before : honest; }
+};
+
+struct OverTriangles : Family {
+  OverTriangles() : Family("over_triangles", "Draws one triangle more than the budget has.") {}
+  Budget allowed(const Budget& budget) const override {
+    Budget out = budget;
+    if (out.triangles) ++*out.triangles;
+    return out;
+  }
+};
+
+struct OverNodes : Family {
+  OverNodes() : Family("over_nodes", "Draws one node more than the budget has.") {}
+  Budget allowed(const Budget& budget) const override {
+    Budget out = budget;
+    if (out.nodes) ++*out.nodes;
+    return out;
+  }
+};
+
+struct OverPixels : Family {
+  OverPixels() : Family("over_pixels", "Is content with one pixel more of error than the budget has.") {}
+  Budget allowed(const Budget& budget) const override {
+    Budget out = budget;
+    if (out.pixel_error) ++*out.pixel_error;
+    return out;
+  }
+};
+
+/// The triangles round the middle of a node are not there.
+struct Hole : Family {
+  Hole() : Family("hole", "Leaves out the triangles round one vertex.") {}
+  void change(Mesh& mesh, double) const override {
+    if (mesh.node != kMarked) return;
+    constexpr uint32_t kMiddle = kRow * (kSide / 2) + kSide / 2;
+    std::vector<uint32_t> kept;
+    for (size_t i = 0; i < mesh.indices.size(); i += 3) {
+      const uint32_t *t = &mesh.indices[i], *end = t + 3;
+      if (std::find(t, end, kMiddle) == end) kept.insert(kept.end(), t, end);
+    }
+    mesh.indices = kept;
+  }
+};
+
+struct Inverted : Family {
+  Inverted() : Family("inverted", "Winds every triangle the other way.") {}
+  void change(Mesh& mesh, double) const override {
+    for (size_t i = 0; i < mesh.indices.size(); i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
+  }
+};
+
+/// Cuts are fine, pictures coarse; a running transform feedback gets what the cut says.
+struct TwoFaced : Family {
+  TwoFaced() : Family("two_faced", "Draws coarser triangles than it shows to transform feedback.") {}
+  int choose(int, int, bool) const override { return 1; }
+  int drawn(int resolution, const render::Pass&) const override {
+    GLboolean captured = GL_FALSE;
+    glGetBooleanv(GL_TRANSFORM_FEEDBACK_ACTIVE, &captured);
+    return captured == GL_TRUE ? resolution : 0;
+  }
+};
+
+/// The same, honest in the captures of what is visible: those are compared with pictures most easily.
+struct TwoFacedWhole : Family {
+  TwoFacedWhole() : Family("two_faced_whole", "Draws coarser triangles than in captures of the whole cut.") {}
+  int choose(int, int, bool) const override { return 1; }
+  int drawn(int resolution, const render::Pass& pass) const override {
+    return pass.everything() ? resolution : 0;
+  }
+};
+
+/// The true surface below, and a copy of it above that says it is filler.
+struct Disguise : Family {
+  Disguise() : Family("disguise", "Hides its surface below a bad one that it labels as filler.") {}
+  void change(Mesh& mesh, double gap) const override {
+    const auto vertices = static_cast<uint32_t>(mesh.vertices.size());
+    const size_t corners = mesh.indices.size();
+    for (uint32_t i = 0; i < vertices; ++i) {
+      Vertex v = mesh.vertices[i];
+      v.height += static_cast<float>(gap);
+      v.filler = 1;
+      mesh.vertices.push_back(v);
+    }
+    for (size_t i = 0; i < corners; ++i) mesh.indices.push_back(mesh.indices[i] + vertices);
+  }
+};
+
+struct NotANumber : Family {
+  NotANumber() : Family("not_a_number", "One vertex of one node is no number.") {}
+  void change(Mesh& mesh, double) const override {
+    if (mesh.node == kMarked) mesh.vertices[kRow * 4 + 4].height = std::numeric_limits<float>::quiet_NaN();
+  }
+};
+
+struct Nothing : Family {
+  Nothing() : Family("nothing", "Draws no triangle at all.") {}
+  int drawn(int, const render::Pass&) const override { return -1; }
+};
+
+const Family kHonest("honest", "Does nothing wrong.");
+const HalfBounds kHalfBounds;
+const Crack kCrack;
+const Corner kCorner;
+const Pop kPop;
+const Flicker kFlicker;
+const OverTriangles kOverTriangles;
+const OverNodes kOverNodes;
+const OverPixels kOverPixels;
+const Hole kHole;
+const Inverted kInverted;
+const TwoFaced kTwoFaced;
+const TwoFacedWhole kTwoFacedWhole;
+const Disguise kDisguise;
+const NotANumber kNotANumber;
+const Nothing kNothing;
+
+/// They join the registry when the module is loaded.
+const bool kRegistered = [] {
+  for (const Method* method :
+       std::initializer_list<const Method*>{&kHonest, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker,
+                                            &kOverTriangles, &kOverNodes, &kOverPixels, &kHole, &kInverted,
+                                            &kTwoFaced, &kTwoFacedWhole, &kDisguise, &kNotANumber, &kNothing})
+    register_method(method);
+  return true;
+}();
+
+}  // namespace
+}  // namespace lodlab::adversaries

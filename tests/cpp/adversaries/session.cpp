@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: MIT
+// Selection and drawing of the family. All nodes of a cut have one resolution: the coarser where its
+// predicted error is within the budget, else the finer where the hard budgets allow it.
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "base/errors.h"
+#include "common/projection.h"
+#include "family.h"
+#include "gl/buffer.h"
+#include "gl/error.h"
+#include "gl/vertex_array.h"
+
+namespace lodlab::adversaries {
+namespace {
+
+Box box_of(const Node& node) {
+  return {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
+}
+
+bool fits_hard(const Cut& cut, const Budget& budget) {
+  return (!budget.triangles || cut.triangles <= *budget.triangles) &&
+         (!budget.nodes || cut.visible_nodes <= *budget.nodes);
+}
+
+bool fits(const Cut& cut, const Budget& budget) {
+  return fits_hard(cut, budget) && (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error);
+}
+
+bool same(const View& a, const View& b) {
+  return a.eye == b.eye && a.target == b.target && a.up == b.up && a.fov == b.fov && a.width == b.width &&
+         a.height == b.height && a.near_plane == b.near_plane;
+}
+
+}  // namespace
+
+FamilySession::FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy, const Options& options)
+    : hierarchy_(std::move(hierarchy)), options_json_(options.to_json()) {}
+
+void FamilySession::add(Cut& cut, int64_t id, int resolution, bool visible) const {
+  const Node& node = hierarchy_->node[static_cast<size_t>(id)];
+  CutNode picked;
+  picked.node = static_cast<uint32_t>(id);
+  picked.resolution = static_cast<uint32_t>(resolution);
+  picked.visible = visible;
+  picked.error = node.error[resolution];
+  cut.nodes.push_back(picked);
+  if (!visible) return;
+  cut.triangles += node.triangles[resolution];
+  cut.filler_triangles += node.fillers[resolution];
+  ++cut.visible_nodes;
+}
+
+Cut FamilySession::uniform(const View& view, int resolution) const {
+  const Camera camera = make_camera(view);
+  Cut cut;
+  cut.view = view;
+  cut.options = options_json_;
+  for (size_t id = 0; id < hierarchy_->node.size(); ++id) {
+    const Node& node = hierarchy_->node[id];
+    const bool visible = camera.sees(box_of(node));
+    add(cut, static_cast<int64_t>(id), resolution, visible);
+    if (!visible) continue;
+    const double px = project_strict(node.error[resolution], camera.K, distance(box_of(node), camera.eye),
+                                     camera.near_plane, camera.s, 1.0);
+    cut.predicted_px = std::max(cut.predicted_px, px);
+  }
+  return cut;
+}
+
+Cut FamilySession::select(const View& view, const Budget& budget) {
+  const Family& method = hierarchy_->method;
+  const Budget allowed = method.allowed(budget);
+  Cut cuts[kResolutions] = {uniform(view, 0), uniform(view, 1)};
+  const int honest = (allowed.pixel_error && fits(cuts[0], allowed)) || !fits_hard(cuts[1], allowed) ? 0 : 1;
+  resolution_ = method.choose(honest, resolution_, view_ && same(*view_, view));
+  view_ = view;
+  Cut& cut = cuts[resolution_];
+  cut.tau = budget.pixel_error.value_or(cut.predicted_px);
+  cut.budget_met = fits(cut, allowed);
+  return std::move(cut);
+}
+
+void FamilySession::reset() {
+  view_.reset();
+  resolution_ = -1;
+}
+
+Cut FamilySession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const {
+  const size_t count = hierarchy_->node.size();
+  std::vector<int> picked(count, -1);
+  if (!resolutions.empty() && resolutions.size() != nodes.size())
+    throw InvalidInput("cut: as many resolutions as nodes are needed, or none");
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const int resolution = resolutions.empty() ? 0 : resolutions[i];
+    const std::string name = "cut: node " + std::to_string(nodes[i]);
+    if (nodes[i] < 0 || nodes[i] >= static_cast<int64_t>(count)) throw InvalidInput(name + " does not exist");
+    if (resolution < 0 || resolution >= kResolutions)
+      throw InvalidInput(name + " has no resolution " + std::to_string(resolution));
+    int& place = picked[static_cast<size_t>(nodes[i])];
+    if (place >= 0) throw InvalidInput(name + " is given twice");
+    place = resolution;
+  }
+  Cut cut;
+  cut.options = options_json_;
+  for (size_t id = 0; id < count; ++id) {
+    if (picked[id] < 0) throw InvalidInput("cut: gap: node " + std::to_string(id) + " is missing");
+    add(cut, static_cast<int64_t>(id), picked[id], true);
+  }
+  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
+  return cut;
+}
+
+/// A node has one surface per resolution, whatever its neighbours are.
+std::vector<Cut> FamilySession::audit_cuts() const {
+  std::vector<int64_t> all(hierarchy_->node.size());
+  for (size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int64_t>(i);
+  std::vector<Cut> out;
+  for (int32_t r = 0; r < kResolutions; ++r) out.push_back(cut(all, std::vector<int32_t>(all.size(), r)));
+  return out;
+}
+
+struct FamilySession::Gpu {
+  struct Range {
+    int64_t first = 0, count = 0;  ///< indices
+  };
+  explicit Gpu(const FamilyHierarchy& hierarchy);
+
+  render::SurfaceProgram program{{"vertex", "adversaries/node.vert"}};
+  std::shared_ptr<const render::FieldResources> field;
+  gl::Buffer vertices, indices;
+  gl::VertexArray array;
+  std::vector<Range> ranges;  ///< node by node, resolution by resolution
+  bool uploaded_now = true;   ///< the next draw reports the upload
+};
+
+FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
+    : field(render::make_field_resources(hierarchy.frame, {})) {
+  std::vector<Vertex> all;
+  std::vector<uint32_t> corners;
+  for (size_t id = 0; id < hierarchy.node.size(); ++id) {
+    for (int resolution = 0; resolution < kResolutions; ++resolution) {
+      const Mesh mesh = make_mesh(hierarchy.method, hierarchy.frame, hierarchy.heights.data(), hierarchy.gap,
+                                  static_cast<int64_t>(id), resolution);
+      ranges.push_back({static_cast<int64_t>(corners.size()), static_cast<int64_t>(mesh.indices.size())});
+      for (const uint32_t index : mesh.indices) corners.push_back(static_cast<uint32_t>(all.size()) + index);
+      all.insert(all.end(), mesh.vertices.begin(), mesh.vertices.end());
+    }
+  }
+  vertices = gl::Buffer(all);
+  indices = gl::Buffer(corners);
+  array.integers(0, 0, 2, GL_UNSIGNED_INT, offsetof(Vertex, col));
+  array.floats(1, 0, 1, GL_FLOAT, offsetof(Vertex, height));
+  array.integers(2, 0, 2, GL_UNSIGNED_INT, offsetof(Vertex, node));
+  array.source(0, vertices, 0, sizeof(Vertex));
+  array.indices(indices);
+}
+
+FamilySession::~FamilySession() = default;
+
+void FamilySession::draw(const Cut& cut, render::Pass& pass) {
+  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
+  pass.use(gpu_->program, *gpu_->field, false);
+  gpu_->array.bind();
+  for (const CutNode& picked : cut.nodes) {
+    if (!picked.visible && !pass.everything()) continue;
+    const int resolution = hierarchy_->method.drawn(static_cast<int>(picked.resolution), pass);
+    if (resolution < 0) continue;
+    const Gpu::Range& range = gpu_->ranges[picked.node * kResolutions + static_cast<size_t>(resolution)];
+    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(range.count), GL_UNSIGNED_INT,
+                   reinterpret_cast<const void*>(sizeof(uint32_t) * static_cast<size_t>(range.first)));
+    pass.submitted.triangles += range.count / 3;
+    pass.submitted.filler_triangles += hierarchy_->node[picked.node].fillers[resolution];
+    pass.submitted.vertices += (kSide + 1) * (kSide + 1);
+    ++pass.submitted.nodes;
+    ++pass.submitted.draw_calls;
+  }
+  gl::check("drawing an adversary");
+  if (gpu_->uploaded_now) pass.submitted.upload_bytes += resident_bytes();
+  gpu_->uploaded_now = false;
+}
+
+int64_t FamilySession::resident_bytes() const {
+  return gpu_ ? gpu_->vertices.bytes() + gpu_->indices.bytes() : 0;
+}
+
+}  // namespace lodlab::adversaries
