@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 
@@ -20,7 +21,7 @@ from lodlab import cli, pictures
 SOURCE = "fractal:size=65,seed=3"
 COMMANDS = (
     "doctor", "devices", "methods", "datasets", "build", "info", "fly", "compare", "sweep", "report", "render",
-    "export", "bench",
+    "export", "bench", "calibrate", "stability", "fit", "check",
 )  # fmt: skip
 SMALL = ["--frames", "4", "--size", "96x64", "--accuracy-frames", "2"]
 
@@ -136,6 +137,73 @@ def test_info_of_a_source(say):
     fails(say("info", SOURCE, "--verify"), 2, "--verify is for stores")
 
 
+def test_audit_of_a_store(say, store):
+    status, out, _ = say("info", store, "--audit", "--cuts", "5")
+    assert status == 0
+    assert "every bound holds" in out and "5 random cuts" in out
+    chart = Path(f"{store}.audit.png")
+    assert chart.stat().st_size > 0
+    found = json.loads(say("info", store, "--audit", "--json", "-o", "morph=false")[1])["audit"]
+    assert found["broken"] == [] and found["nodes"] == len(lod.open(store).nodes)
+    assert 1.0 <= found["median_bound_over_measured"] < 4.0
+    fails(say("info", SOURCE, "--audit"), 2, "--audit is for stores")
+    fails(say("info", store, "--cuts", "5"), 2, "for --audit")
+    fails(say("info", store, "--audit", "--cuts", "-1"), 2, "cuts is -1")
+
+
+def test_a_broken_bound_ends_with_status_1(say, store, monkeypatch):
+    whole = lod.instrument.audit
+
+    def halved(*args, **kwargs):
+        audit = whole(*args, **kwargs)
+        audit.nodes["holds"] &= audit.nodes["measured"] <= 0.5 * audit.nodes["bound"] + audit.slack
+        return audit
+
+    monkeypatch.setattr(lod.instrument, "audit", halved)
+    fails(say("info", store, "--audit"), 1, "node", "bound")
+
+
+def test_fit_finds_a_store(say, folder):
+    out = folder / "fit.lod"
+    common = ["--frames", "3", "--size", "160x90"]
+    status, text, _ = say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", *common)
+    assert status == 0
+    assert "chosen: finest_error" in text and "coarser: " in text and "looser: " in text
+    fails(say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", *common), 2, "already")
+    found = json.loads(say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", "--force", "--json", *common)[1])
+    assert found["reached"] and found["worst_px"] <= 0.2
+    assert found["coarser"]["worst_px"] > 0.2 and found["looser"]["worst_px"] > 0.2
+    fails(say("fit", SOURCE, "chunked", folder / "f.lod", "--pixel-error", "0"), 2, "pixel_error", "0")
+
+
+def test_check_is_a_gate(say, store, folder):
+    out = folder / "gate"
+    assert say("fly", store, "--out", out, "--pixel-error", "4", *SMALL)[0] == 0
+    limits = ["--max", "measured_px_max=1.01", "--max", "hole_samples=0", "--max", "pop_px_max=5"]
+    status, text, _ = say("check", out, *limits, "--min", "psnr_db=10", "--min", "budget_met=1")
+    assert status == 0 and "5 limits hold" in text
+    fails(say("check", out, "--max", "triangles_median=1"), 1, "chunked-px4", "triangles_median", "at most 1")
+    status, _, errors = say("check", out, "--max", "measured_px_max=0")
+    assert status == 1 and len(errors.splitlines()) == 2  # the measured frames, first and last
+    assert "run chunked-px4, frame 3: measured_px_max is" in errors
+    fails(say("check", out, "--max", "no_such=0"), 2, "no_such", "measured_px_max")
+    fails(say("check", out, "--max", "flip=much"), 2, "much", "no number")
+    fails(say("check", out), 2, "limit")
+    fails(say("check", folder, "--max", "flip=1"), 2)
+
+
+def test_calibrate_ends_with_status_1_when_a_case_is_off(say, monkeypatch):
+    def rows(wrong):
+        row = {"metric": "flip", "case": "none", "expected": 1.0, "returned": 1.0 + wrong, "deviation": wrong}
+        return pd.DataFrame([{**row, "tolerance": 0.001, "pass": wrong == 0.0}])
+
+    monkeypatch.setattr(lod.instrument, "calibrate", lambda: rows(0.0))
+    assert say("calibrate")[0] == 0
+    assert json.loads(say("calibrate", "--json")[1])[0]["pass"] is True
+    monkeypatch.setattr(lod.instrument, "calibrate", lambda: rows(0.5))
+    fails(say("calibrate"), 1, "flip, none: 1.5 instead of 1")
+
+
 def test_info_of_a_damaged_store(say, store, folder):
     whole = Path(store).read_bytes()
     damaged = folder / "damaged.lod"
@@ -176,13 +244,13 @@ def test_compare_ends_with_the_report(say, folder):
 
 def test_render_shows_what_was_asked(say, store, folder):
     seen = {}
-    for show in ("shade", "level", "wire", "normal"):
+    for show in ("shade", "level", "wire", "normal", "error"):
         out = folder / f"{show}.png"
-        assert say("render", store, out, "--show", show, "--size", "96x64", "--at", "0.25")[0] == 0
+        assert say("render", store, out, "--show", show, "--size", "240x160", "--at", "0.25")[0] == 0
         seen[show] = pictures.load(out)
-        assert seen[show].shape == (64, 96, 4)
-    assert all(np.any(seen["shade"] != seen[other]) for other in ("level", "wire", "normal"))
-    fails(say("render", store, folder / "e.png", "--show", "error"), 2, "error")
+        assert seen[show].shape[1] == 240 and (seen[show].shape[0] == 160 or show == "error")
+    assert seen["error"].shape[0] > 160  # its scale below
+    assert all(np.any(seen["shade"] != seen[other][:160]) for other in ("level", "wire", "normal", "error"))
     fails(say("render", store, folder / "e.png", "--show", "depth"), 2, "shade, normal, level, wire")
     fails(say("render", store, folder / "e.gif"), 2, ".gif", ".png")
     fails(say("render", store, folder / "none" / "e.png"), 2, "no directory")

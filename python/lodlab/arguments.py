@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,6 +44,7 @@ Device = Annotated[
 ]
 Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")]
 At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]
 SourceOption = Annotated[
     str | None, typer.Option("--source", metavar="SOURCE", help="The store's source, when it cannot be found again.")
@@ -84,3 +87,41 @@ def budget_from(pixel_error: float | None, triangles: int | None, nodes: int | N
     """The budgets that were given."""
     given = {"pixel_error": pixel_error, "triangles": triangles, "nodes": nodes}
     return {k: v for k, v in given.items() if v is not None}
+
+
+def limits_from(name: str, texts: Sequence[str] | None) -> dict[str, float]:
+    """{column: limit} from COLUMN=VALUE texts."""
+    out: dict[str, float] = {}
+    for column, text in options_from(texts).items():
+        try:
+            out[column] = float(text)
+        except ValueError:
+            raise InvalidInput(f"check: --{name} {column}={text}: {text!r} is no number") from None
+    return out
+
+
+def print_table(head: Sequence[str], rows: Sequence[Sequence[Any]], left: int = 1) -> None:
+    """Columns for people: the first `left` ones left, the others right."""
+    cells = [[str(c) for c in row] for row in (head, *rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    for row in cells:
+        padded = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
+        typer.echo("  ".join(padded).rstrip())
+
+
+def print_json(value: Any) -> None:
+    """JSON on standard output; undefined numbers are null, infinite ones the text `inf`."""
+    typer.echo(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "item"):  # numpy
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)

@@ -405,8 +405,30 @@ def _measure(lab: Lab) -> Iterable[Record]:
             ratio_high=high,
             device=_device(),
             options=_options(store, DRAW_OPTIONS),
-            details={"times_full": 1.0 / ratio, "views": len(frames), "repeats": REPEATS},
+            details={
+                "times_full": 1.0 / ratio,
+                "views": len(frames),
+                "repeats": REPEATS,
+                **_shares(instrument, session, lab.views(spec, REPEATS)),
+            },
         )
+
+
+def _shares(instrument: Any, session: Any, views: Sequence[Any]) -> dict[str, float]:
+    """What a frame costs when everything is measured, and the shares of its dearest metrics: medians over views."""
+    rows = []
+    for view in views:
+        cut, reference = session.select(view, _core.Budget(pixel_error=1.0)), instrument.reference(view)
+        measurement = instrument.examine(session, cut, view, reference, before=cut)
+        spent = {}
+        for metric in METRICS:
+            start = time.perf_counter()
+            metric.of(measurement)
+            spent[metric.name] = (time.perf_counter() - start) * 1e3
+        total = sum(spent.values())
+        rows.append((total, spent["ssim"] / total, spent["flip"] / total))
+    all_ms, ssim, flip = np.median(rows, axis=0).tolist()
+    return {"all_metrics_ms": all_ms, "ssim_share": ssim, "flip_share": flip}
 
 
 def _measure_frame(instrument: Any, session: Any, reference: Any, view: Any) -> np.ndarray:

@@ -8,7 +8,6 @@ Longer than other files because every command declares its arguments here, each 
 from __future__ import annotations
 
 import errno
-import json
 import os
 import sys
 import traceback
@@ -21,11 +20,12 @@ import typer
 
 import lodlab
 
-from . import _core, datasets, pictures, results
+from . import _core, datasets, pictures, results, verdicts
 from .arguments import (
     AccuracyFrames,
     At,
     Device,
+    Force,
     Fov,
     Frames,
     Images,
@@ -45,6 +45,8 @@ from .arguments import (
     budget_from,
     numbers_of,
     options_from,
+    print_json,
+    print_table,
     size_of,
 )
 from .errors import GLError, InvalidInput, StoreError, Unsupported
@@ -65,20 +67,6 @@ def open_store(path: Path, source: str | None = None) -> Any:
     if not path.is_file() and not Path(f"{path}.partial").is_file():  # the core says that one is incomplete
         raise InvalidInput(f"open store: no file {path}")
     return lodlab.open(path, source)
-
-
-def print_table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Columns for people: the first left, the others right."""
-    cells = [[str(c) for c in row] for row in (head, *rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    for row in cells:
-        first, rest = row[0].ljust(widths[0]), [c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)]
-        typer.echo("  ".join([first, *rest]).rstrip())
-
-
-def print_json(value: Any) -> None:
-    """JSON on standard output; undefined numbers are null."""
-    typer.echo(json.dumps(value, indent=2, default=lambda v: v.item() if hasattr(v, "item") else str(v)))
 
 
 # ---- what is there --------------------------------------------------------------------------------
@@ -163,7 +151,7 @@ def build_command(
     method: Annotated[str, typer.Argument(metavar="METHOD", help="One of lodlab methods.")],
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
     option: OptionTexts = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")] = False,
+    force: Force = False,
     resume: Annotated[bool, typer.Option("--resume", help="Take up an interrupted build.")] = False,
 ) -> None:
     """Builds a store of a source.
@@ -201,20 +189,34 @@ def info(
     what: Annotated[str, typer.Argument(metavar="STORE_OR_SOURCE", help="A store or a source.")],
     json_: Json = False,
     verify: Annotated[bool, typer.Option("--verify", help="Read and check all of a store.")] = False,
+    audit: Annotated[bool, typer.Option("--audit", help="Measure every bound of a store.")] = False,
+    cuts: Annotated[int, typer.Option("--cuts", metavar="N", help="With --audit: random cuts besides.")] = 0,
+    option: OptionTexts = None,
+    source: SourceOption = None,
 ) -> None:
-    """What a store or a source is."""
+    """What a store or a source is.
+
+    With --audit every node is drawn in every state of morph and edges and measured against its bound (-o gives
+    draw options); status 1 when one is broken.
+    """
+    if (cuts or option or source) and not audit:
+        raise InvalidInput("info: --cuts, -o and --source are for --audit")
     if not is_store(what):
-        if verify:
-            raise InvalidInput(f"info: {what} is a source; --verify is for stores")
+        if verify or audit:
+            raise InvalidInput(f"info: {what} is a source; --{'verify' if verify else 'audit'} is for stores")
         found = source_info(what)
         print_json(found) if json_ else print_table(["", ""], [[k, v] for k, v in found.items()])
         return
-    store = open_store(Path(what))
+    store = open_store(Path(what), source)
     found = store.info()
     if verify:
         store.verify()
+    audited = lodlab.instrument.audit(store, cuts=cuts, **options_from(option)) if audit else None
     if json_:
-        print_json({**found, **({"verified": True} if verify else {})})
+        extra = {**({"verified": True} if verify else {}), **({"audit": audited.to_dict()} if audited else {})}
+        print_json({**found, **extra})
+        if audited:
+            verdicts.print_audit(audited, json_=True)
         return
     for key in ("method", "source", "source_hash", "content_hash", "format_version", "bytes", "build_seconds"):
         typer.echo(f"{key}: {found[key]}")
@@ -222,6 +224,8 @@ def info(
     print_levels(found)
     if verify:
         typer.echo("verified: every page is as it was written")
+    if audited:
+        verdicts.print_audit(audited, json_=False)
 
 
 def is_store(what: str) -> bool:
@@ -425,22 +429,26 @@ def render(
     triangles: Triangles = None,
     nodes: Nodes = None,
     option: OptionTexts = None,
-    show: Annotated[str, typer.Option("--show", metavar="shade|level|wire|normal", help="What to show.")] = "shade",
+    show: Annotated[
+        str, typer.Option("--show", metavar="shade|level|error|wire|normal", help="What to show.")
+    ] = "shade",
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
     """One picture of a store.
 
-    Of one view on a path; 1 px where no budget is given.
+    Of one view on a path; 1 px where no budget is given. `--show error` colours the surface by its measured error.
     """
-    if show == "error":
-        raise Unsupported("render: --show error is not in this version; it shows shade, level, wire or normal")
     pictures.check_name(picture)
     choose(device)
     opened = open_store(store, source)
     budget = budget_from(pixel_error, triangles, nodes)
     session, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
-    session.draw(cut, view, show).save(picture)
+    if show == "error":
+        measured = _core.Instrument(opened.source.core).examine(session.core, cut.core, view)
+        pictures.save(picture, pictures.error_picture(measured.image, measured.error_px()))
+    else:
+        session.draw(cut, view, show).save(picture)
     typer.echo(
         f"{picture}: {cut.visible_nodes} nodes, {cut.triangles:,} triangles, predicted {cut.predicted_px:.3g} px"
     )
@@ -510,6 +518,9 @@ def bench_command(
         typer.echo(f"error: bench: {line}", err=True)
     if failures:
         raise typer.Exit(1)
+
+
+verdicts.add_to(app)
 
 
 # ---- the program ----------------------------------------------------------------------------------
