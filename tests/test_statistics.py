@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import results, statistics
+from lodlab import charts, figures, results, statistics
 
 FRAMES = 120
 SHAPE = np.linspace(4.0, 9.0, FRAMES) * (1.0 + 0.2 * np.sin(np.arange(FRAMES) / 7.0))  # ms, as along a path
@@ -193,3 +193,107 @@ def test_runs_in_worker_processes_say_so(tmp_path):
 def test_only_full_is_compared_with_itself(tmp_path):
     config = {**CONFIG, "methods": [{"name": "full"}], "frames": 2, "accuracy_frames": 0}
     assert set(lod.sweep(config, out=tmp_path / "run", progress=False).noise["run"]) == {"full"}
+
+
+# ---- in charts ------------------------------------------------------------------------------------
+
+# Milliseconds of each run: `b` is as slow as full at 1 px and as `a` at 4 px; `a` is as slow at 2 px as at 1.
+RUNS = {
+    ("full", None): 20.0,
+    ("a", 1.0): 10.0, ("a", 2.0): 9.95, ("a", 4.0): 5.0,
+    ("b", 1.0): 19.9, ("b", 2.0): 14.0, ("b", 4.0): 5.02,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def known(swept):
+    """A sweep of three methods whose times are known, on the rows of a real one."""
+    template = swept.frames[swept.frames["run"] == "chunked-px1"].iloc[0].to_dict()
+    rows, summaries = [], []
+    for seed, ((method, px), ms) in enumerate(RUNS.items()):
+        times = timed(seed, passes=3, noise=0.03, factor=ms / float(np.median(SHAPE)))
+        run = [
+            {
+                **template, "run": f"{method}-{px}", "method": method, "options": "{}", "budget_pixel_error": px,
+                "frame": f, "frame_ms": value, "accuracy": True,
+                "measured_px_max": 0.0 if px is None else px * (0.8 if method == "a" else 0.6),
+            }
+            for f, value in enumerate(np.median(times, axis=0))
+        ]  # fmt: skip
+        rows += run
+        three = np.repeat(times[:, :, None], 3, axis=2)
+        summaries.append(results.summarize(run, store_bytes=1, build_seconds=1.0, times=three))
+    noise = pd.DataFrame([{"run": "a-1.0", "column": "frame_ms", "ratio": 1.0, "low": 0.99, "high": 1.02, "jobs": 1}])
+    frames, summary = results.table(rows, results.FRAME_COLUMNS), results.table(summaries, results.SUMMARY_COLUMNS)
+    return lod.Sweep(None, frames, summary, noise)
+
+
+def drawn(chart):
+    """The axes of a chart."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(layout="constrained")
+    chart._draw(figure, "light")
+    return figure.axes
+
+
+def lines(ax, colour):
+    return [line for line in ax.lines if line.get_color() == colour and line.get_marker() == "None"]
+
+
+def test_charts_dash_neighbours_that_the_noise_does_not_tell_apart(known):
+    time_panel, triangles = drawn(charts.pareto(known))
+    first, second = charts.COLOURS["light"][:2]
+    assert [line.is_dashed() for line in lines(time_panel, first)] == [True, False]
+    assert [line.is_dashed() for line in lines(time_panel, second)] == [False, False]
+    assert not any(line.is_dashed() for line in lines(triangles, first)), "counts are exact"
+
+
+def test_charts_hollow_points_that_are_not_told_apart_from_full(known):
+    time_panel, triangles = drawn(charts.pareto(known))
+    page = charts.INK["light"]["page"]
+
+    def hollow(ax):
+        marks = [line for line in ax.lines if line.get_marker() not in ("None", "*")]
+        return [line.get_markerfacecolor() == page for line in marks]
+
+    assert hollow(time_panel) == [False, False, False, True, False, False]
+    assert not any(hollow(triangles))
+
+
+def test_charts_tie_methods_that_are_not_told_apart_at_one_budget(known):
+    ties = lines(drawn(charts.pareto(known))[0], charts.INK["light"]["text"])
+    assert len(ties) == 1
+    assert ties[0].get_xdata() == pytest.approx([5.0, 5.02], rel=0.02)
+
+
+def test_charts_show_intervals_and_the_noise_floor(known):
+    time_panel, triangles = drawn(charts.pareto(known))
+    assert time_panel.get_xlabel().endswith("noise 2 %") and "noise" not in triangles.get_xlabel()
+    row = known.summary.iloc[1]
+    spans = [path.vertices[:, 0] for bars in time_panel.collections for path in bars.get_paths()]
+    wanted = [row["frame_ms_median_low"], row["frame_ms_median_high"]]
+    assert any(span == pytest.approx(wanted) for span in spans)
+    quiet = lod.Sweep(None, known.frames, known.summary)
+    assert "noise" not in drawn(charts.pareto(quiet))[0].get_xlabel()
+
+
+def test_a_noisy_machine_tells_nothing_apart(known):
+    noisy = lod.Sweep(None, known.frames, known.summary, known.noise.assign(high=9.0))
+    panel = drawn(charts.pareto(noisy))[0]
+    assert all(line.is_dashed() for line in lines(panel, charts.COLOURS["light"][0]))
+    assert len(lines(panel, charts.INK["light"]["text"])) == 3
+
+
+def test_runs_of_other_lengths_are_judged_by_their_intervals(known):
+    frames = known.frames[~((known.frames["run"] == "a-4.0") & (known.frames["frame"] > 60))]
+    clock = charts._Clock(frames, known.summary, 1.02)
+    assert clock.apart("a-1.0", "a-4.0") and not clock.apart("a-4.0", "b-4.0")
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(1.0, "0 %"), (1.0045, "0.45 %"), (1.031, "3.1 %"), (1.0998, "10 %"), (1.62, "62 %"), (2.98, "198 %")],
+)
+def test_factors_as_percentages(factor, text):
+    assert figures.percent(factor) == text

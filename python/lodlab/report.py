@@ -39,7 +39,6 @@ COLUMNS = (
     ("frame_ms_median", "ms<br>median", "interval"),
     ("frame_ms_p95", "ms<br>p95", "number"),
     ("triangles_median", "triangles<br>median", "count"),
-    ("nodes_median", "nodes<br>median", "count"),
     ("predicted_px_worst", "predicted<br>px", "number"),
     ("measured_px_max_worst", "measured<br>px", "number"),
     ("measured_px_p99_worst", "px<br>p99", "number"),
@@ -49,7 +48,6 @@ COLUMNS = (
     ("ssim_worst", "SSIM", "number"),
     ("flip_worst", "FLIP", "number"),
     ("crack_pixels_worst", "crack<br>pixels", "count"),
-    ("hole_samples_worst", "hole<br>samples", "count"),
     ("budget_met", "budget<br>met", "number"),
     ("store_bytes", "store<br>MB", "megabytes"),
 )
@@ -272,8 +270,8 @@ _PARETO_CAPTION = (
     "sample of the source and the drawn surface, over the measured frames. Thin bars reach from the 5th to the 95th "
     "percentile of the run's frames, thick ones over the 95 % interval of its median time. Times that chance and the "
     "noise of this machine do not tell apart, frame by frame, are marked: dashed between two budgets of a curve, "
-    "dotted between two curves at one budget, a hollow point where it takes as long as <b>full</b>. Runs on the "
-    "dashed line measure zero (below the slack of 0.01 px)."
+    "dotted between two curves at one budget, hollow against <b>full</b>. Runs on the dashed line measure zero "
+    "(below the slack of 0.01 px)."
 )
 _TIMELINE_CAPTION = "The stronger the colour, the smaller the error budget. A point below its line: the promise holds."
 _TABLE_NOTE = (
