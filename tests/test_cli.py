@@ -166,14 +166,16 @@ def test_a_broken_bound_ends_with_status_1(say, store, monkeypatch):
 def test_fit_finds_a_store(say, folder):
     out = folder / "fit.lod"
     common = ["--frames", "3", "--size", "160x90"]
-    status, text, _ = say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", *common)
+    status, text, _ = say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", *common)
     assert status == 0
     assert "chosen: finest_error" in text and "coarser: " in text and "looser: " in text
-    fails(say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", *common), 2, "already")
-    found = json.loads(say("fit", SOURCE, "chunked", out, "--pixel-error", "0.2", "--force", "--json", *common)[1])
-    assert found["reached"] and found["worst_px"] <= 0.2
-    assert found["coarser"]["worst_px"] > 0.2 and found["looser"]["worst_px"] > 0.2
-    fails(say("fit", SOURCE, "chunked", folder / "f.lod", "--pixel-error", "0"), 2, "pixel_error", "0")
+    fails(say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", *common), 2, "already")
+    found = json.loads(
+        say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", "--force", "--json", *common)[1]
+    )
+    assert found["reached"] and found["worst_px"] <= 1.0
+    assert found["coarser"]["worst_px"] > 1.0 and found["looser"]["worst_px"] > 1.0
+    fails(say("fit", "fractal:size=257", "chunked", folder / "f.lod", "--pixel-error", "0"), 2, "pixel_error", "0")
 
 
 def test_check_is_a_gate(say, store, folder):
