@@ -56,13 +56,15 @@ def ssim_of(image: np.ndarray, reference: np.ndarray) -> float:
 def flip_of(image: np.ndarray, reference: np.ndarray) -> float:
     """Mean FLIP error (Andersson et al. 2020, LDR, 67 pixels a degree) of two (H, W, 4) uint8 pictures.
 
-    0 when they are equal, at most 1. InvalidInput when the sizes differ.
+    0 when they are equal, at most 1. InvalidInput when the sizes differ. The mean is taken here, in double: the
+    library's own sums floats, and is 1.5 % off on a picture of 1920 x 1080.
     """
     import flip_evaluator
 
     _check_sizes("flip", image, reference)
     wanted, found = (p[..., :3].astype(np.float32) / np.float32(255) for p in (reference, image))
-    return float(flip_evaluator.evaluate(wanted, found, "LDR", True, False, True)[1])
+    errors, _, _ = flip_evaluator.evaluate(wanted, found, "LDR", True, False, True)
+    return float(errors.mean(dtype=np.float64))
 
 
 def _check_sizes(metric: str, image: np.ndarray, reference: np.ndarray) -> None:
