@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: MIT
+"""The stability suite: the known failures of level-of-detail methods as scenes that every method is put through.
+
+    result = lodlab.stability.run("runs/stability", short=True)
+    result.table      # a row per scene, method, source and figure, as in stability.csv
+    result.failed     # the rows that FAIL
+
+A scene that ends in an error is a FAIL row that names it, never a gap: every scene has a row for every method.
+"""
+
+from __future__ import annotations
+
+import csv
+import gc
+import io
+import itertools
+import json
+import math
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import _core, pictures, results
+from ..errors import InvalidInput
+from ..stores import method_table
+from . import fields, rules
+from .scenes import SCENES
+from .stage import Bench, Figure, NotApplicable, Scene, Stage
+
+__all__ = ["COLUMNS", "SCENES", "Stability", "run"]
+
+COLUMNS = ("scene", "method", "source", "options", "figure", "value", "unit", "limit", "verdict")
+PASS, BY_NATURE, NOT_APPLICABLE, FAIL = "pass", "by_nature", "not_applicable", "FAIL"
+_RANK = {NOT_APPLICABLE: 0, PASS: 1, BY_NATURE: 2, FAIL: 3}
+
+
+@dataclass
+class Stability:
+    """What a run of the suite found. `table`: DataFrame of `stability.csv`; `directory`: where it lies."""
+
+    table: Any
+    directory: Path
+
+    @property
+    def failed(self) -> Any:
+        """The rows whose verdict is FAIL."""
+        return self.table[self.table["verdict"] == FAIL]
+
+    @property
+    def page(self) -> Path:
+        """The page with the grid of methods and scenes."""
+        return self.directory / "stability.html"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A scene of one method on one source under some draw options: a step of the progress bar."""
+
+    scene: Scene
+    method: str
+    source: str
+    options: dict[str, Any]
+
+
+def run(
+    out: Path | str,
+    *,
+    methods: Iterable[str] | None = None,
+    scenes: Iterable[str] | None = None,
+    short: bool = False,
+    progress: bool = True,
+) -> Stability:
+    """Puts methods through scenes; writes `stability.csv`, `stability.html`, `provenance.json` and `images/`.
+
+    `methods`, `scenes`: names, all when None. `short`: small sources, fewer eyes and frames: minutes; else an hour
+    at most. Rows are written as scenes end. InvalidInput: an unknown method or scene (the known ones are listed), or
+    a wrong row of by_nature.toml.
+    """
+    names = _known("method", methods, [m["name"] for m in _core.methods()])
+    wanted = _known("scene", scenes, [s.name for s in SCENES])
+    natures = rules.read()
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise InvalidInput(f"stability: {folder} is a file, not a directory")
+    shutil.rmtree(folder / "images", ignore_errors=True)
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    start = results.now()
+    rows = [
+        _no_source(scene, method)
+        for scene in SCENES
+        for method in names
+        if scene.name in wanted and not _sources(scene, method, short)
+    ]
+    worst: dict[tuple[str, str], float] = {}
+    benches: dict[str, Bench] = {}
+    for part in _steps(list(_parts(wanted, names, short)), progress):
+        if part.source not in benches:
+            benches.clear()  # one source at a time: its references and stores fill memory
+            gc.collect()
+            benches[part.source] = Bench(part.source, folder / "stores")
+        for figure, row in _play(part, benches[part.source], short, natures):
+            rows.append(row)
+            _keep_picture(folder / "images", figure, row, worst)
+        rows.sort(key=lambda r: (r["scene"], names.index(r["method"])))
+        _write(folder, rows)
+    (folder / "provenance.json").write_text(json.dumps(_provenance(start, names, wanted, short), indent=2) + "\n")
+    from . import page
+
+    table = read(folder)
+    page.write(folder, table)
+    return Stability(table, folder)
+
+
+def read(folder: Path | str) -> Any:
+    """The rows of a folder's `stability.csv` as a DataFrame; InvalidInput when there is none."""
+    import pandas as pd
+
+    file = Path(folder) / "stability.csv"
+    if not file.is_file():
+        raise InvalidInput(f"stability: no file {file}")
+    numbers = {"value": "float64", "limit": "float64"}
+    text = {c: str for c in COLUMNS if c not in numbers}
+    return pd.read_csv(file, dtype=text | numbers, keep_default_na=False, na_values={c: ["nan", ""] for c in numbers})
+
+
+def _known(what: str, given: Iterable[str] | None, known: Sequence[str]) -> list[str]:
+    """The given names in the order of the known ones, or all."""
+    wanted = list(known) if given is None else [given] if isinstance(given, str) else list(given)
+    for name in wanted:
+        if name not in known:
+            raise InvalidInput(f"stability: no {what} {name!r}; known: {', '.join(known)}")
+    if not wanted:
+        raise InvalidInput(f"stability: no {what} is named; known: {', '.join(known)}")
+    return [name for name in known if name in wanted]
+
+
+# ---- what is played -------------------------------------------------------------------------------
+
+
+def _parts(scenes: Sequence[str], names: Sequence[str], short: bool) -> Iterator[Part]:
+    """Source by source, so that each is loaded, built and drawn at full resolution once."""
+    table = [scene for scene in SCENES if scene.name in scenes]
+    played = {(s.name, m): _sources(s, m, short) for s in table for m in names}
+    for source in dict.fromkeys(source for sources in played.values() for source in sources):
+        for scene, method in itertools.product(table, names):
+            if source not in played[scene.name, method]:
+                continue
+            yield Part(scene, method, source, {})
+            if scene.variants and not short:
+                yield from (Part(scene, method, source, options) for options in rules.variants(method))
+
+
+def _sources(scene: Scene, method: str, short: bool) -> list[str]:
+    """The sources of a scene that are there and that the method accepts."""
+    accepts = method_table(method)["accepts"]
+    return [name for name in fields.at_hand(scene.short if short else scene.long) if fields.kind(name) in accepts]
+
+
+def _no_source(scene: Scene, method: str) -> dict[str, Any]:
+    """The row of a method that accepts none of a scene's sources."""
+    reason = f"the method accepts {', '.join(method_table(method)['accepts'])}: none of the scene's sources"
+    values = (scene.name, method, "", "{}", reason, math.nan, "", math.nan, NOT_APPLICABLE)
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
+    """The parts, with a bar that names the one being played."""
+    from tqdm.auto import tqdm
+
+    with tqdm(total=len(parts), disable=not progress, leave=False) as bar:
+        for part in parts:
+            bar.set_description_str(f"{part.scene.name} {part.method} {results.short_source(part.source)}")
+            yield part
+            bar.update()
+
+
+def _play(part: Part, bench: Bench, short: bool, natures: Sequence[rules.Rule]) -> Iterator[tuple[Figure, dict]]:
+    """The figures of one part and their rows. An error that nobody expected is a FAIL row that names it."""
+    stage = Stage(bench, part.method, part.options, short)
+    options = stage.resolved_options
+
+    def row(figure: Figure, limit: float, verdict: str) -> tuple[Figure, dict[str, Any]]:
+        values = (part.scene.name, part.method, part.source, results.options_text(options), figure.name)
+        return figure, dict(zip(COLUMNS, (*values, figure.value, figure.unit, limit, verdict), strict=True))
+
+    try:
+        for figure in part.scene.play(stage):
+            yield row(figure, *_verdict(part, options, figure, natures))
+    except NotApplicable as reason:
+        yield row(Figure(str(reason), math.nan, "", math.nan), math.nan, NOT_APPLICABLE)
+    except Exception as error:  # whatever it is: a scene that breaks is the method's failure, not a gap
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        yield row(Figure(text, math.nan, "", math.nan), math.nan, FAIL)
+
+
+def _verdict(part: Part, options: dict[str, Any], figure: Figure, natures: Sequence[rules.Rule]) -> tuple[float, str]:
+    """(limit, verdict): a row of by_nature.toml that covers the figure has the last word."""
+    for rule in natures:
+        if rule.covers(part.method, options, part.scene.name, figure.name):
+            return rule.limit, BY_NATURE if figure.value <= rule.limit else FAIL
+    return figure.limit, PASS if figure.value <= figure.limit else FAIL
+
+
+# ---- what is written ------------------------------------------------------------------------------
+
+
+def badness(row: dict[str, Any]) -> float:
+    """How bad a row is beside the others of its scene and method: verdict first, then value over limit."""
+    value, limit = float(row["value"]), float(row["limit"])
+    over = value / limit if limit > 0 else value
+    return 10.0 * _RANK[row["verdict"]] + (0.0 if math.isnan(over) else float(np.clip(0.2 * np.arctan(over), -1, 1)))
+
+
+def picture_name(scene: str, method: str) -> str:
+    """The file of the worst frame of a scene and method, below `images/`."""
+    return f"{scene}-{method}.png"
+
+
+def _keep_picture(folder: Path, figure: Figure, row: dict[str, Any], worst: dict[tuple[str, str], float]) -> None:
+    key = row["scene"], row["method"]
+    if figure.picture is None or badness(row) <= worst.get(key, -math.inf):
+        return
+    worst[key] = badness(row)
+    pictures.save(folder / picture_name(*key), figure.picture)
+
+
+def _write(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([COLUMNS, *([results.cell(row[c]) for c in COLUMNS] for row in rows)])
+    results.write_atomic(folder / "stability.csv", text.getvalue())
+
+
+def _provenance(start: str, names: list[str], scenes: list[str], short: bool) -> dict[str, Any]:
+    return {
+        "lodlab": results.version(),
+        "commit": results.commit(),
+        "start": start,
+        "end": results.now(),
+        "machine": results.machine(),
+        "gl": _core.gl_info(),
+        "methods": names,
+        "scenes": scenes,
+        "short": short,
+    }
