@@ -173,6 +173,15 @@ def test_a_node_that_no_cut_draws_is_an_error(store):
         audit(Changed(store, one_more), progress=False)
 
 
+def test_a_node_drawn_outside_its_cut_is_an_error(store, monkeypatch):
+    def node_errors(self):
+        return np.append(self._nodes, np.uint32(7777)), np.append(self._errors, 0.0)
+
+    tamper(monkeypatch, node_errors=node_errors)
+    with pytest.raises(StoreError, match="a cut of .* nodes draws node 7777, which is none of them"):
+        audit(store, progress=False)
+
+
 @pytest.mark.parametrize("name", sorted(FIELDS))
 def test_bounds_hold_on_every_shape(name, tmp_path):
     field = lod.HeightField(FIELDS[name](), spacing=(30.0, 40.0))

@@ -10,6 +10,7 @@ defect as well: `tightness` tells.
 from __future__ import annotations
 
 import base64
+import hashlib
 import html
 import math
 from dataclasses import dataclass
@@ -151,7 +152,7 @@ def audit(store: Store, *, cuts: int = 0, seed: int = 0, progress: bool = True, 
 
     `cuts`: how many random cuts to draw besides, the same for the same `seed`. `draw_options`: the method's;
     everything is loaded first. InvalidInput: a negative number of cuts, an unknown option. StoreError: the source
-    is not at hand, or the method's own cuts leave a node out.
+    is not at hand, the method's own cuts leave a node out, or a cut draws a node that it does not hold.
     """
     from tqdm.auto import tqdm
 
@@ -168,14 +169,15 @@ def audit(store: Store, *, cuts: int = 0, seed: int = 0, progress: bool = True, 
         for number, cut in enumerate(listed):
             rows.append(auditor.examine(cut).assign(cut=number))
             bar.update()
-        worst = []
-        for number in range(cuts):
-            cut = auditor.session.cut(*random_cut(store.nodes, random, math.sqrt(random.random())))
-            found = auditor.examine(cut)
-            row = found.sort_values(["holds", "ratio"], kind="stable").iloc[0]
-            worst.append((number, len(cut.nodes), row["node"], row["bound"], row["measured"], found["holds"].all()))
+        worst: dict[bytes, tuple] = {}  # by cut: an equal one is not measured again
+        order = []
+        for _ in range(cuts):
+            ids, resolutions = random_cut(store.nodes, random, math.sqrt(random.random()))
+            order.append(hashlib.blake2b(ids.tobytes() + resolutions.tobytes()).digest())
+            if order[-1] not in worst:
+                worst[order[-1]] = auditor.worst(auditor.session.cut(ids, resolutions))
             bar.update()
-    return _assemble(auditor, rows, worst)
+    return _assemble(auditor, rows, [worst[cut] for cut in order])
 
 
 def _assemble(auditor: _Auditor, rows: list[Any], worst: list[tuple]) -> Audit:
@@ -183,8 +185,9 @@ def _assemble(auditor: _Auditor, rows: list[Any], worst: list[tuple]) -> Audit:
 
     columns = ["node", "level", "resolution", "cut", "morph", "bound", "measured", "ratio", "holds"]
     nodes = pd.concat(rows, ignore_index=True)[columns]
-    random = pd.DataFrame(worst, columns=["cut", "nodes", "node", "bound", "measured", "holds"])
-    random = random.astype({"cut": int, "nodes": int, "node": int, "bound": float, "measured": float, "holds": bool})
+    kinds = {"nodes": int, "node": int, "bound": float, "measured": float, "holds": bool}
+    random = pd.DataFrame(worst, columns=list(kinds)).astype(kinds)
+    random.insert(0, "cut", np.arange(len(random)))
     return Audit(auditor.store, nodes, random, auditor.slack)
 
 
@@ -221,7 +224,13 @@ class _Auditor:
         drawn = cut.nodes
         stored = self._table[np.searchsorted(self._keys, _keys(drawn["node"], drawn["resolution"]))]
         bound = np.where(drawn["morph"] == 1.0, np.minimum(drawn["error"], stored["error"]), drawn["error"])
-        measured = pd.Series(dict(zip(*measurement.node_errors(), strict=True)), dtype=float)
+        captured, errors = measurement.node_errors()
+        strays = np.setdiff1d(captured, drawn["node"])
+        if len(strays):
+            raise StoreError(
+                f"audit of {self.store.path}: a cut of {len(drawn)} nodes draws node {strays[0]}, which is none of them"
+            )
+        measured = pd.Series(errors, captured, dtype=float)
         rows = pd.DataFrame(
             {
                 "node": drawn["node"].astype(np.int64),
@@ -239,6 +248,13 @@ class _Auditor:
             rows["ratio"] = np.where(rows["measured"] == 0.0, math.inf, rows["bound"] / rows["measured"])
         rows["holds"] = ~(rows["measured"] > rows["bound"] + self.slack)
         return rows
+
+    def worst(self, cut: Any) -> tuple[int, int, float, float, bool]:
+        """How many nodes a cut has; the one that is nearest to its bound, its bound and measured error; whether all
+        hold."""
+        rows = self.examine(cut)
+        row = rows.sort_values(["holds", "ratio"], kind="stable").iloc[0]
+        return len(cut.nodes), row["node"], row["bound"], row["measured"], rows["holds"].all()
 
 
 def _keys(nodes: np.ndarray, resolutions: np.ndarray) -> np.ndarray:
