@@ -139,6 +139,16 @@ def test_a_frame_shows_its_measured_error(run, store, path):
         unmeasured.image(3, show="error")
 
 
+def test_sources_too_large_for_a_reference_still_show_their_error(store, path, tmp_path, monkeypatch):
+    monkeypatch.setattr(passes, "PICTURE_SAMPLES", 10)
+    run = lod.fly(store, path, {"pixel_error": 1.0}, out=tmp_path / "run", **SMALL)
+    kinds = {p.stem.partition("-")[2] for p in (tmp_path / "run" / "images" / run.name).iterdir()}
+    assert kinds == {"", "level", "error"}
+    with pytest.raises(InvalidInput, match="has no reference"):
+        run.image(show="reference")
+    assert "measured error" in (tmp_path / "run" / "report.html").read_text()
+
+
 def test_run_directory_holds_the_run(store, path, tmp_path):
     out = tmp_path / "run"
     run = lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)

@@ -150,6 +150,7 @@ def test_killed_sweeps_end_with_the_same_rows(swept, tmp_path):
     again = lod.Sweep.load(out)
     assert stable(again.frames).equals(stable(swept.frames))
     assert stable_summary(again.summary).equals(stable_summary(swept.summary))
+    assert again.noise["column"].tolist() == list(results.TIME_COLUMNS), "the null comparison is made at the end"
     assert not list(out.glob(".*.tmp")) or (out / "report.html").exists()
 
 
