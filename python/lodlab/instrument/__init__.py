@@ -4,5 +4,7 @@
 from __future__ import annotations
 
 from ..metrics import METRICS, Metric, measure
+from .audit import Audit, audit
+from .calibrate import calibrate
 
-__all__ = ["METRICS", "Metric", "measure"]
+__all__ = ["METRICS", "Audit", "Metric", "audit", "calibrate", "measure"]
