@@ -23,7 +23,7 @@ except ImportError as error:
         "libgl1-mesa-dri, libtbb12, libmeshoptimizer2 and libsqlite3-0, and a build for this very Python"
     ) from error
 
-from . import _shaders, charts, datasets, errors, instrument, laws, report  # noqa: F401 - _shaders tells the core where they are
+from . import _shaders, charts, datasets, errors, instrument, laws, report, stability  # noqa: F401 - _shaders tells the core where they are
 from ._core import Budget, View
 from .checks import Violation, check
 from .fitting import Fit, fit
@@ -62,6 +62,7 @@ __all__ = [
     "methods",
     "open",
     "report",
+    "stability",
     "sweep",
 ]
 
