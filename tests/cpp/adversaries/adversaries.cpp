@@ -122,7 +122,7 @@ struct TwoFacedWhole : Family {
   }
 };
 
-/// The true surface below, and a copy of it above that says it is filler.
+/// The true surface below, and a copy of it that says it is filler and bulges above it in every node.
 struct Disguise : Family {
   Disguise() : Family("disguise", "Hides its surface below a bad one that it labels as filler.") {}
   void change(Mesh& mesh, double gap) const override {
@@ -130,7 +130,7 @@ struct Disguise : Family {
     const size_t corners = mesh.indices.size();
     for (uint32_t i = 0; i < vertices; ++i) {
       Vertex v = mesh.vertices[i];
-      v.height += static_cast<float>(gap);
+      if (v.row % kSide != 0 && v.col % kSide != 0) v.height += static_cast<float>(gap);
       v.filler = 1;
       mesh.vertices.push_back(v);
     }
