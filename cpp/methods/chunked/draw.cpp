@@ -98,10 +98,7 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
       residency_(hierarchy_, options.flag("stream"), options.integer("cpu_cache_mb") << 20,
                  options.integer("gpu_cache_mb") << 20,
                  std::chrono::milliseconds(options.integer("fetch_delay_ms"))) {
-  const std::string& projection = options.text("projection");
-  projection_ = projection == "paper"      ? Projection::kPaper
-                : projection == "vertical" ? Projection::kVertical
-                                           : Projection::kStrict;
+  projection_ = projection_of(options);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
 }

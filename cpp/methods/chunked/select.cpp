@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "base/errors.h"
-#include "common/projection.h"
 #include "methods/chunked/session.h"
 
 namespace lodlab::chunked {
@@ -21,32 +20,6 @@ bool less_urgent(double rho_a, uint32_t a, double rho_b, uint32_t b) {
 }
 
 }  // namespace
-
-Projector::Projector(Projection projection, const Camera& camera)
-    : kind(projection), K(camera.K), n(camera.near_plane), s(camera.s), eye(camera.eye) {}
-
-Projector::Place Projector::place(const Node& node) const {
-  double square[3];
-  for (int i = 0; i < 3; ++i) {
-    const double d = std::max({node.lo[i] - eye[i], eye[i] - node.hi[i], 0.0});
-    square[i] = d * d;
-  }
-  const double distance = std::sqrt(square[0] + square[1] + square[2]);
-  if (kind != Projection::kVertical) return {distance, 1.0};
-  const double far_x = std::max(eye.x - node.lo[0], node.hi[0] - eye.x);
-  const double far_y = std::max(eye.y - node.lo[1], node.hi[1] - eye.y);
-  return {distance, elevation_cosine(std::sqrt(far_x * far_x + far_y * far_y), std::sqrt(square[2]))};
-}
-
-double Projector::project(double delta, const Place& at) const {
-  if (kind == Projection::kPaper) return project_paper(delta, K, at.distance, n);
-  return project_strict(delta, K, at.distance, n, s, at.cosine);
-}
-
-double Projector::inverse(double tau, const Place& at) const {
-  if (kind == Projection::kPaper) return inverse_paper(tau, K, at.distance, n);
-  return inverse_strict(tau, K, at.distance, n, s, at.cosine);
-}
 
 Cut ChunkedSession::select(const View& view, const Budget& budget) {
   const Camera camera = make_camera(view);
@@ -85,7 +58,7 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
     if (residency_.streams()) residency_.touch(id);
     const bool visible = camera.sees(box_of(node));
     const bool wanted =
-        visible && node.children > 0 && projector.project(node.error, projector.place(node)) > tau;
+        visible && node.children > 0 && projector.project(node.error, projector.place(node.lo, node.hi)) > tau;
     if (wanted && refinable(id)) {
       for (uint32_t c = 0; c < node.children; ++c) queue_.push_back(node.first_child + c);
     } else {
@@ -116,7 +89,7 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
     }
     triangles += submitted_triangles(node);
     ++visible_nodes;
-    const double rho = projector.project(node.error, projector.place(node));
+    const double rho = projector.project(node.error, projector.place(node.lo, node.hi));
     if (node.children == 0) {
       picked_.push_back({id, 0, 1.0f, true, false});
     } else {
@@ -161,7 +134,7 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
 void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cut& cut) const {
   for (CutNode& picked : cut.nodes) {
     const Node& node = hierarchy_->node[picked.node];
-    const Projector::Place place = projector.place(node);
+    const Projector::Place place = projector.place(node.lo, node.hi);
     const double span = node.parent_error - node.error;
     double t = 1.0;
     if (node.parent >= 0 && morph_ == Morph::kBudget && span > 0.0) {
@@ -192,7 +165,7 @@ void ChunkedSession::request_children(const Cut& cut, const Projector& projector
   for (const CutNode& picked : cut.nodes) {
     const Node& node = hierarchy_->node[picked.node];
     if (!picked.visible || node.children == 0) continue;
-    const double rho = projector.project(node.error, projector.place(node));
+    const double rho = projector.project(node.error, projector.place(node.lo, node.hi));
     for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) {
       if (residency_.resident(c)) {
         residency_.touch(c);

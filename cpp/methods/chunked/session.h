@@ -8,29 +8,13 @@
 #include <memory>
 #include <vector>
 
+#include "method/projector.h"
 #include "methods/chunked/hierarchy.h"
 #include "methods/chunked/residency.h"
 
 namespace lodlab::chunked {
 
-enum class Projection { kPaper, kStrict, kVertical };
 enum class Morph { kBudget, kFormula4, kNone };
-
-/// Projected errors under one view; constants are computed once a frame.
-struct Projector {
-  Projection kind;
-  double K, n, s;
-  glm::dvec3 eye;
-
-  Projector(Projection projection, const Camera& camera);
-  struct Place {
-    double distance, cosine;
-  };
-  Place place(const Node& node) const;
-  double project(double delta, const Place& place) const;
-  /// The largest delta that projects to at most tau pixels there.
-  double inverse(double tau, const Place& place) const;
-};
 
 class ChunkedSession : public Session {
  public:
