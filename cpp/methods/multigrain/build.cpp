@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: MIT
+// Build of multigrain: errors by block, the forest over them, and the heights as tiles. No GL.
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+
+#include "base/errors.h"
+#include "base/parallel.h"
+#include "geometry/coverage.h"
+#include "methods/multigrain/multigrain.h"
+#include "methods/multigrain/tiles.h"
+
+namespace lodlab::multigrain {
+namespace {
+
+/// For each block the log2 of the finest stride that is worth keeping: the coarsest one whose error is within
+/// `finest_error`, made finer where a neighbour snapped to it would leave that.
+std::vector<uint8_t> finest_strides(const Layout& layout, const BlockErrors& errors, double finest_error) {
+  const int64_t pitch = layout.blocks_x(), blocks = pitch * layout.blocks_y();
+  std::vector<uint8_t> finest(static_cast<size_t>(blocks), 0);
+  if (!(finest_error > 0.0)) return finest;
+  const int coarsest = layout.block_log2() - 1;  // nodes of the last level have at least two cells a side
+  for (int64_t i = 0; i < blocks; ++i) {
+    int a = coarsest;
+    while (a > 0 && errors.own_error(i, a) > finest_error) --a;
+    finest[static_cast<size_t>(i)] = static_cast<uint8_t>(a);
+  }
+  // Strides only become finer, so this ends; where all are 0 nothing is snapped.
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (int64_t i = 0; i < blocks; ++i) {
+      const int64_t y = i / pitch, x = i % pitch;
+      const int a = finest[static_cast<size_t>(i)];
+      for (const Edge edge : {kNorth, kEast, kSouth, kWest}) {
+        if (!layout.meets(y, x, edge)) continue;
+        const int64_t across = edge == kNorth   ? i - pitch
+                               : edge == kSouth ? i + pitch
+                               : edge == kEast  ? y * pitch + (x + 1) % pitch
+                                                : y * pitch + (x + pitch - 1) % pitch;
+        uint8_t& b = finest[static_cast<size_t>(across)];
+        while (b > a && errors.strip_error(i, edge, a, b) > finest_error) {
+          --b;
+          changed = true;
+        }
+      }
+    }
+  }
+  return finest;
+}
+
+Box block_box(const HeightField& field, const Layout& layout, const BlockErrors& errors, int64_t block) {
+  const int log2 = layout.block_log2();
+  const int64_t row = block / layout.blocks_x() << log2, col = block % layout.blocks_x() << log2;
+  const int64_t last_row = row + layout.cells_y(row, log2, 0), last_col = col + layout.cells_x(col, log2, 0);
+  Box box;
+  if (!field.planet) {
+    box.add(field.position(row, col, errors.low[static_cast<size_t>(block)]));
+    box.add(field.position(last_row, last_col, errors.high[static_cast<size_t>(block)]));
+    return box;
+  }
+  std::vector<glm::dvec2> lon;
+  for (int64_t c = col; c <= last_col; ++c) lon.push_back(cos_sin_degrees(field.longitude(c)));
+  for (int64_t r = row; r <= last_row; ++r) {
+    const glm::dvec2 lat = cos_sin_degrees(field.latitude(r));
+    for (int64_t c = col; c <= last_col; ++c) {
+      const double radius = field.radius + field.at(r, c == field.cols ? 0 : c);
+      const glm::dvec2 at = lon[static_cast<size_t>(c - col)];
+      box.add(radius * glm::dvec3(lat.x * at.x, lat.x * at.y, lat.y));
+    }
+  }
+  return box;
+}
+
+/// Bounds, errors and finest resolutions of all nodes, from those of their blocks.
+struct ForestBuilder {
+  const HeightField& field;
+  const Layout& layout;
+  const BlockErrors& errors;
+  std::vector<Node> nodes;
+  std::vector<Resolution> resolutions;
+
+  void fill(const std::vector<uint8_t>& finest);
+
+ private:
+  template <class Visit>
+  void for_blocks(const Node& n, const Visit& visit) const {
+    const int log2 = layout.block_log2(), size = layout.node_log2(n.level);
+    const int64_t y0 = n.row >> log2, x0 = n.col >> log2;
+    const int64_t y1 = y0 + layout.cells_y(n.row, size, log2), x1 = x0 + layout.cells_x(n.col, size, log2);
+    for (int64_t y = y0; y < y1; ++y) {
+      for (int64_t x = x0; x < x1; ++x) visit(y * layout.blocks_x() + x);
+    }
+  }
+};
+
+void ForestBuilder::fill(const std::vector<uint8_t>& finest) {
+  nodes = make_nodes(layout);
+  std::vector<Box> boxes(finest.size());
+  parallel_for(static_cast<int64_t>(boxes.size()), 16, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i)
+      boxes[static_cast<size_t>(i)] = block_box(field, layout, errors, i);
+  });
+  for (Node& n : nodes) {
+    Box box;
+    int stride = layout.block_log2();
+    for_blocks(n, [&](int64_t block) {
+      box.add(boxes[static_cast<size_t>(block)]);
+      stride = std::min<int>(stride, finest[static_cast<size_t>(block)]);
+    });
+    for (int i = 0; i < 3; ++i) {
+      n.lo[i] = box.lo[i];
+      n.hi[i] = box.hi[i];
+    }
+    n.first_resolution = static_cast<uint32_t>(resolutions.size());
+    n.most = static_cast<uint8_t>(std::clamp<int>(layout.node_log2(n.level) - stride, n.least, n.most));
+    for (int k = n.least; k <= n.most; ++k) {
+      float error = 0.0f;
+      const int a = layout.stride_log2(n.level, k);
+      for_blocks(n, [&](int64_t block) { error = std::max(error, errors.own_error(block, a)); });
+      resolutions.push_back({error, static_cast<uint32_t>(triangle_count(layout, n, k))});
+    }
+  }
+}
+
+/// The tiles that any node draws from.
+std::vector<int64_t> drawn_tiles(const Layout& layout, const Tiles& tiles, const std::vector<Node>& nodes) {
+  std::vector<uint8_t> drawn(static_cast<size_t>(tiles.count()), 0);
+  for (const Node& n : nodes) {
+    for (int k = n.least; k <= n.most; ++k)
+      drawn[static_cast<size_t>(tiles.id(layout.stride_log2(n.level, k), n.row, n.col))] = 1;
+  }
+  std::vector<int64_t> ids;
+  for (int64_t i = 0; i < tiles.count(); ++i) {
+    if (drawn[static_cast<size_t>(i)] != 0) ids.push_back(i);
+  }
+  return ids;
+}
+
+void put_tiles(const HeightField& field, const Tiles& tiles, const std::vector<int64_t>& ids, StoreWriter& writer,
+               const Progress& progress) {
+  std::atomic<int64_t> done = 0;
+  std::mutex mutex;
+  parallel_for(static_cast<int64_t>(ids.size()), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      const int64_t id = ids[static_cast<size_t>(i)];
+      if (!writer.has_page(kHeights, id)) writer.put_page(kHeights, id, as_bytes(tiles.cut(field, tiles.at(id))));
+    }
+    const int64_t so_far = done += end - begin;
+    const std::lock_guard lock(mutex);
+    if (progress) progress("heights", static_cast<double>(so_far) / static_cast<double>(ids.size()));
+  });
+}
+
+}  // namespace
+
+void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress) {
+  const Layout layout = choose_layout(field, options);
+  const bool drawn = options.text("bounds") == "drawn";
+  const BlockErrors errors =
+      measure_errors(field, layout, drawn ? Bounds::kDrawn : Bounds::kBilinear, progress);
+  ForestBuilder forest{field, layout, errors, {}, {}};
+  forest.fill(finest_strides(layout, errors, options.real("finest_error")));
+  const Tiles tiles(layout);
+  put_tiles(field, tiles, drawn_tiles(layout, tiles, forest.nodes), writer, progress);
+  const Bytes coverage = coverage_bits(field);
+  if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
+  writer.put_array("layout",
+                   as_bytes(std::vector<int32_t>{layout.chart_log2, layout.levels, layout.most_log2}));
+  writer.put_array("nodes", as_bytes(forest.nodes));
+  writer.put_array("resolutions", as_bytes(forest.resolutions));
+  writer.put_array("own", as_bytes(errors.own));
+  writer.put_array("strips", as_bytes(errors.strips));
+  writer.put_meta("bounds", options.text("bounds"));
+}
+
+}  // namespace lodlab::multigrain

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+// The forest as selection sees it. Nodes are breadth first over all charts: ids rise with the level, children
+// of a node are contiguous. A node's resolutions lie in one row of `resolution`, coarsest first.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "method/method.h"
+#include "methods/multigrain/errors.h"
+#include "methods/multigrain/layout.h"
+
+namespace lodlab::multigrain {
+
+struct Node {
+  double lo[3], hi[3];  ///< bounds of its samples in space; everything it is drawn with lies inside
+  int32_t row, col;     ///< its first sample
+  int32_t parent;       ///< -1: root
+  uint32_t first_child;
+  uint32_t first_resolution;  ///< index of its coarsest Resolution
+  uint8_t children, level, least, most;  ///< resolutions least..most (cells a side: powers of two)
+};
+static_assert(sizeof(Node) == 72);  // a row of the array "nodes" of the store
+
+struct Resolution {
+  float error;         ///< BlockErrors::own over its blocks: for edges not snapped beyond its own stride
+  uint32_t triangles;  ///< those that are there: clamped and polar ones left out
+};
+
+/// Which stride is drawn where: log2 of the stride of the node that covers each block.
+using StrideMap = std::vector<uint8_t>;
+
+class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
+ public:
+  Forest() = default;  ///< empty: to be filled by hand
+  explicit Forest(std::shared_ptr<const Store> store);
+
+  std::vector<NodeInfo> nodes() const override;
+  double quantum() const override { return 0.0; }
+  int64_t vertices() const override;
+  std::unique_ptr<Session> session(const Options& draw_options) const override;
+
+  const Resolution& at(const Node& n, int k) const { return resolution[n.first_resolution + (k - n.least)]; }
+  int stride_log2(const Node& n, int k) const { return layout.stride_log2(n.level, k); }
+
+  /// The bound of a node drawn with resolution k beside the strides of the map: own error, and that of each
+  /// strip along its edges beside a coarser neighbour.
+  double drawn_error(const Node& n, int k, const StrideMap& map) const;
+  /// The largest of these over all maps: the stored bound.
+  double stored_error(const Node& n, int k) const;
+  /// Marks the blocks of a node with its stride.
+  void mark(const Node& n, int k, StrideMap& map) const;
+
+  /// The heights of a tile (tiles.h), row by row.
+  std::vector<float> tile(int64_t id) const;
+  /// The mask of coverage.h.
+  Bytes coverage() const;
+
+  std::shared_ptr<const Store> store;
+  FieldFrame frame;
+  Layout layout;
+  BlockErrors errors;  ///< without `low` and `high`, which are in the nodes' bounds
+  std::vector<Node> node;
+  std::vector<Resolution> resolution;
+  uint32_t roots = 0;
+  bool bounds_drawn = true;  ///< false: errors are the paper's (Bounds::kBilinear), and cuts promise no bound
+};
+
+}  // namespace lodlab::multigrain

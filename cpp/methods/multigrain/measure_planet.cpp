@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: MIT
+// Errors of a block of a planet: along each sample's ray from the centre, against the plane of the triangle that
+// the ray meets. Two corners of equal latitude are joined by a great circle, which runs nearer to the pole than
+// their row: a triangle meets rays of rows beyond its own, and of other blocks. In double.
+//
+// A planet's last column of blocks may be clamped and yet have neighbours on both sides. With an odd number of
+// cells the diagonal of its corner cells misses the corner, or one cell has two snapped edges: there all pairs of
+// snapped edges are measured, and raise the strip of the coarser one.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/glm.hpp>
+#include <limits>
+#include <vector>
+
+#include "methods/multigrain/measure.h"
+#include "multigrain/stitch.h"
+
+namespace lodlab::multigrain {
+namespace {
+
+/// Rays this close to an edge (radians) may be on it.
+constexpr double kOnEdge = 1e-13;
+/// Rounding of a radius, of itself.
+constexpr double kRounding = 1e-13;
+
+struct Vertex {
+  int row, col;  ///< samples from the block's first
+};
+
+/// For each edge, log2 of the stride that it is snapped to.
+using Snaps = std::array<int, 4>;
+
+class PlanetMeasurer : public Measurer {
+ public:
+  PlanetMeasurer(const HeightField& field, const Layout& layout)
+      : field_(field), layout_(layout), log2_(layout.block_log2()), top_(layout.largest_stride_log2()) {}
+
+  void measure(const Block& block, float, float, float* own, float* strips) override {
+    load(block);
+    const int pairs = BlockErrors::pairs(log2_ + 1);
+    const auto raise = [&](Edge edge, int a, int b, float error) {
+      float& value = strips[edge * pairs + BlockErrors::pair(a, b)];
+      value = std::max(value, error);
+    };
+    for (int a = 1; a <= top_; ++a) own[a] = measure_cells(a, {a, a, a, a}, 0, cells_x(a), 0, cells_y(a));
+    for (int a = 0; a < top_; ++a) {
+      const int nx = cells_x(a), ny = cells_y(a);
+      for (const Edge edge : {kNorth, kEast, kSouth, kWest}) {
+        if (!layout_.meets(block.y, block.x, edge)) continue;
+        for (int b = a + 1; b <= top_; ++b) {
+          Snaps snaps{a, a, a, a};
+          snaps[edge] = b;
+          raise(edge, a, b,
+                measure_cells(a, snaps, edge == kEast ? nx - 1 : 0, edge == kWest ? 1 : nx,
+                              edge == kSouth ? ny - 1 : 0, edge == kNorth ? 1 : ny));
+        }
+      }
+      if (nx % 2 == 0 || !layout_.meets(block.y, block.x, kEast)) continue;
+      for (const Edge other : {kNorth, kSouth, kWest}) {
+        if (!layout_.meets(block.y, block.x, other) || (other == kWest && nx > 1)) continue;
+        for (int b = a + 1; b <= top_; ++b) {
+          for (int c = a + 1; c <= top_; ++c) {
+            Snaps snaps{a, a, a, a};
+            snaps[kEast] = b;
+            snaps[other] = c;
+            const float error = measure_cells(a, snaps, nx - 1, nx, other == kSouth ? ny - 1 : 0,
+                                              other == kNorth ? 1 : ny);
+            raise(b >= c ? kEast : other, a, std::max(b, c), error);
+          }
+        }
+      }
+    }
+  }
+
+ private:
+  int cells_x(int a) const { return (width_ + (1 << a) - 1) >> a; }
+  int cells_y(int a) const { return (height_ + (1 << a) - 1) >> a; }
+  bool is_pole(int64_t row) const {
+    return (layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row());
+  }
+
+  /// Directions and radii of the block's samples, and of the rows beyond that its triangles may meet.
+  void load(const Block& block) {
+    width_ = block.width;
+    height_ = block.height;
+    odd_ = ((block.x + block.y) & 1) != 0;
+    row0_ = block.row;
+    half_cosine_.resize(static_cast<size_t>(width_ + 1));
+    for (int i = 0; i <= width_; ++i)
+      half_cosine_[static_cast<size_t>(i)] = cos_sin_degrees(0.5 * i * field_.dlon).x * (1.0 - 1e-12);
+    const auto slope = [&](int64_t row) {
+      const glm::dvec2 lat = cos_sin_degrees(field_.latitude(row));
+      return lat.y / lat.x;
+    };
+    const double widest = half_cosine_.back();
+    above_ = below_ = 0;
+    const double north = slope(block.row), south = -slope(block.row + height_);
+    while (north > 0.0 && block.row - above_ > 0 && slope(block.row - above_ - 1) * widest <= north) ++above_;
+    while (south > 0.0 && block.row + height_ + below_ < field_.rows - 1 &&
+           -slope(block.row + height_ + below_ + 1) * widest <= south)
+      ++below_;
+    const int rows = above_ + height_ + below_ + 1;
+    lat_.resize(static_cast<size_t>(rows));
+    slope_.resize(lat_.size());
+    cosine_.resize(static_cast<size_t>(width_ + 1));
+    sine_.resize(cosine_.size());
+    for (int i = 0; i <= width_; ++i) {
+      const glm::dvec2 lon = cos_sin_degrees(field_.longitude(block.col + i));
+      cosine_[static_cast<size_t>(i)] = lon.x;
+      sine_[static_cast<size_t>(i)] = lon.y;
+    }
+    radius_.resize(lat_.size() * cosine_.size());
+    for (int r = 0; r < rows; ++r) {
+      const int64_t row = block.row - above_ + r;
+      lat_[static_cast<size_t>(r)] = cos_sin_degrees(field_.latitude(row));
+      slope_[static_cast<size_t>(r)] = lat_[static_cast<size_t>(r)].y / lat_[static_cast<size_t>(r)].x;
+      double* out = radius_.data() + static_cast<size_t>(r) * cosine_.size();
+      for (int i = 0; i <= width_; ++i) {
+        const int64_t col = is_pole(row) || block.col + i == field_.cols ? 0 : block.col + i;
+        out[i] = field_.radius + static_cast<double>(field_.at(row, col));
+      }
+    }
+  }
+
+  Vertex vertex(int i, int j, int a, const Snaps& snaps) const {
+    Vertex v{std::min(j << a, height_), std::min(i << a, width_)};
+    const int row = v.row, col = v.col;
+    if (row == 0) v.col = stitch_along(col, width_, a, snaps[kNorth], log2_);
+    if (row == height_) v.col = stitch_along(col, width_, a, snaps[kSouth], log2_);
+    const int poles = is_pole(row0_) + 2 * is_pole(row0_ + height_);
+    if (col == 0) v.row = stitch_down(row, height_, a, snaps[kWest], log2_, poles);
+    if (col == width_) v.row = stitch_down(row, height_, a, snaps[kEast], log2_, poles);
+    return v;
+  }
+
+  /// Cells [i0, i1) x [j0, j1) of the block's grid of stride 2^a.
+  float measure_cells(int a, const Snaps& snaps, int i0, int i1, int j0, int j1) const {
+    double worst = 0.0;
+    for (int j = j0; j < j1; ++j) {
+      for (int i = i0; i < i1; ++i) {
+        const Vertex nw = vertex(i, j, a, snaps), ne = vertex(i + 1, j, a, snaps);
+        const Vertex sw = vertex(i, j + 1, a, snaps), se = vertex(i + 1, j + 1, a, snaps);
+        if (((i + j + (a == log2_ && odd_)) & 1) == 0) {
+          measure_triangle({nw, sw, se}, worst);
+          measure_triangle({nw, se, ne}, worst);
+        } else {
+          measure_triangle({nw, sw, ne}, worst);
+          measure_triangle({ne, sw, se}, worst);
+        }
+      }
+    }
+    const double rounded = worst + kRounding * (field_.radius + field_.z_max);
+    return std::nextafter(static_cast<float>(rounded), std::numeric_limits<float>::infinity());
+  }
+
+  double radius(const Vertex& v) const {
+    return radius_[static_cast<size_t>(above_ + v.row) * cosine_.size() + static_cast<size_t>(v.col)];
+  }
+  glm::dvec3 direction(const Vertex& v) const {
+    const glm::dvec2 lat = lat_[static_cast<size_t>(above_ + v.row)];
+    return {lat.x * cosine_[static_cast<size_t>(v.col)], lat.x * sine_[static_cast<size_t>(v.col)], lat.y};
+  }
+
+  void measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const;
+  double measure_row(int row, int from, int to, const glm::dvec3 (&edges)[3], const double (&slack)[3],
+                     const glm::dvec3& normal, double volume) const;
+
+  const HeightField& field_;
+  const Layout layout_;
+  const int log2_, top_;
+  // The block that was loaded; tables of rows start `above_` rows before it.
+  int width_ = 0, height_ = 0, above_ = 0, below_ = 0;
+  int64_t row0_ = 0;
+  bool odd_ = false;
+  std::vector<double> half_cosine_;  ///< of half the longitude across so many columns
+  std::vector<glm::dvec2> lat_;      ///< cosine and sine
+  std::vector<double> slope_;        ///< tangent of the latitude
+  std::vector<double> cosine_, sine_;
+  std::vector<double> radius_;
+};
+
+void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const {
+  glm::dvec3 p[3];
+  int poles = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    p[i] = radius(corners[i]) * direction(corners[i]);
+    poles += is_pole(row0_ + corners[i].row);
+  }
+  if (poles > 1) return;
+  const glm::dvec3 u = p[1] - p[0], v = p[2] - p[0];
+  glm::dvec3 normal = glm::cross(u, v);
+  double volume = glm::dot(normal, p[0]);
+  const double longest = std::max({glm::dot(u, u), glm::dot(v, v), glm::dot(v - u, v - u)});
+  if (!(std::abs(volume) > 1e-13 * longest * field_.radius)) return;  // it has collapsed
+  const double sign = volume > 0.0 ? 1.0 : -1.0;
+  normal *= sign;
+  volume *= sign;
+  const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
+                               sign * glm::cross(p[0], u)};
+  double slack[3];
+  for (int i = 0; i < 3; ++i) slack[i] = kOnEdge * glm::length(edges[i]);
+  const auto [left, right] = std::minmax({corners[0].col, corners[1].col, corners[2].col});
+  auto [top, bottom] = std::minmax({corners[0].row, corners[1].row, corners[2].row});
+  // A great circle between two places south of a parallel stays south of the arc between two places on it.
+  const double reach = half_cosine_[static_cast<size_t>(right - left)];
+  const double north = slope_[static_cast<size_t>(above_ + top)], south = -slope_[static_cast<size_t>(above_ + bottom)];
+  int first = top, last = bottom;
+  while (north > 0.0 && first > -above_ && slope_[static_cast<size_t>(above_ + first - 1)] * reach <= north) --first;
+  while (south > 0.0 && last < height_ + below_ && -slope_[static_cast<size_t>(above_ + last + 1)] * reach <= south)
+    ++last;
+  for (int row = first; row <= last; ++row)
+    worst = std::max(worst, measure_row(row, left, right, edges, slack, normal, volume));
+}
+
+double PlanetMeasurer::measure_row(int row, int from, int to, const glm::dvec3 (&edges)[3],
+                                   const double (&slack)[3], const glm::dvec3& normal, double volume) const {
+  const auto line = static_cast<size_t>(above_ + row);
+  const glm::dvec2 lat = lat_[line];
+  const double *c = cosine_.data(), *s = sine_.data(), *radii = radius_.data() + line * cosine_.size();
+  const double x0 = lat.x * edges[0].x, y0 = lat.x * edges[0].y, z0 = lat.y * edges[0].z + slack[0];
+  const double x1 = lat.x * edges[1].x, y1 = lat.x * edges[1].y, z1 = lat.y * edges[1].z + slack[1];
+  const double x2 = lat.x * edges[2].x, y2 = lat.x * edges[2].y, z2 = lat.y * edges[2].z + slack[2];
+  const double xn = lat.x * normal.x, yn = lat.x * normal.y, zn = lat.y * normal.z;
+  double worst = 0.0;
+#pragma omp simd reduction(max : worst)
+  for (int i = from; i <= to; ++i) {
+    const double w0 = x0 * c[i] + y0 * s[i] + z0, w1 = x1 * c[i] + y1 * s[i] + z1;
+    const double w2 = x2 * c[i] + y2 * s[i] + z2;
+    double least = w0 < w1 ? w0 : w1;
+    least = least < w2 ? least : w2;
+    const double error = std::fabs(volume / (xn * c[i] + yn * s[i] + zn) - radii[i]);
+    const double counted = least >= 0.0 ? error : 0.0;
+    worst = counted > worst ? counted : worst;
+  }
+  return worst;
+}
+
+}  // namespace
+
+std::unique_ptr<Measurer> make_planet_measurer(const HeightField& field, const Layout& layout) {
+  return std::make_unique<PlanetMeasurer>(field, layout);
+}
+
+}  // namespace lodlab::multigrain

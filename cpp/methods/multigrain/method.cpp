@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// multigrain: a forest of quadtrees in which detail is chosen per node in two ways, by splitting it or by raising
+// the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched on the GPU.
+// Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture atlas, 2007.
+#include "base/errors.h"
+#include "methods/multigrain/multigrain.h"
+
+namespace lodlab {
+namespace multigrain {
+namespace {
+
+std::vector<OptionSpec> option_table() {
+  using enum Stage;
+  return {
+      {"chart",
+       int64_t{0},
+       kBuild,
+       "cells",
+       "Side of a chart, a power of two; 0 chooses it for about four by four charts.",
+       {},
+       0,
+       1 << 20},
+      {"levels",
+       int64_t{5},
+       kBuild,
+       "",
+       "Levels of each chart's quadtree, fewer where its smallest nodes would have less than two cells a side.",
+       {},
+       1,
+       9},
+      {"node_resolution",
+       int64_t{256},
+       kBuild,
+       "cells",
+       "Side of the finest grid that a node is drawn with, a power of two.",
+       {},
+       2,
+       256},
+      {"finest_error",
+       0.0,
+       kBuild,
+       "source units",
+       "Grids finer than this error asks for are left out; 0 keeps every sample.",
+       {},
+       0.0,
+       1e9},
+      {"bounds",
+       std::string("drawn"),
+       kBuild,
+       "",
+       "Errors of the triangles as drawn, or the paper's, of bilinear interpolation, which bound nothing.",
+       {"drawn", "bilinear"}},
+      {"projection",
+       std::string("strict"),
+       kDraw,
+       "",
+       "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
+       {"strict", "vertical", "paper"}},
+      {"adapt",
+       std::string("auto"),
+       kDraw,
+       "",
+       "How the cut is found: top-down, by dual queues, by the paper's quad-queue; auto: by what the budget limits.",
+       {"auto", "topdown", "dual", "quad"}},
+  };
+}
+
+class Multigrain : public Method {
+ public:
+  const MethodInfo& info() const override {
+    static const MethodInfo kInfo{"multigrain",
+                                  "Forest of nodes at many resolutions, stitched on the GPU (Niski et al. 2007).",
+                                  {"heightfield", "planet"},
+                                  {"pixel_error", "triangles", "nodes"},
+                                  true,
+                                  option_table()};
+    return kInfo;
+  }
+  void build(const Source& source, const Options& options, StoreWriter& writer,
+             const Progress& progress) const override {
+    multigrain::build(*source.field, options, writer, progress);
+  }
+  std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
+    return std::make_shared<Forest>(std::move(store));
+  }
+};
+
+}  // namespace
+}  // namespace multigrain
+
+const Method& multigrain_method() {
+  static const multigrain::Multigrain kMethod;
+  return kMethod;
+}
+
+}  // namespace lodlab

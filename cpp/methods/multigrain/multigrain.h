@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+// multigrain: what its files give to one another, and the store.
+//   arrays: layout (chart_log2, levels, most_log2), nodes (Node), resolutions (Resolution), own and strips
+//   (BlockErrors); meta: bounds; pages: heights by tile (tiles.h), 4 bytes a sample, and the coverage mask.
+#pragma once
+
+#include "base/options.h"
+#include "geometry/height_field.h"
+#include "methods/multigrain/hierarchy.h"
+#include "methods/multigrain/layout.h"
+
+namespace lodlab::multigrain {
+
+enum PageKind : int { kHeights = 0, kCoverage = 1 };
+
+/// The layout with these parameters over a frame.
+Layout make_layout(const FieldFrame& frame, int chart_log2, int levels, int most_log2);
+
+/// By the build options; what they leave open is chosen. InvalidInput names the value and its limit.
+Layout choose_layout(const FieldFrame& frame, const Options& options);
+
+/// The nodes of a layout, breadth first over all charts, without bounds; each offers all its resolutions.
+std::vector<Node> make_nodes(const Layout& layout);
+
+/// Triangles of a grid: two a cell, one beside a pole.
+int64_t triangle_count(const Layout& layout, const Node& node, int resolution);
+
+void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress);
+
+}  // namespace lodlab::multigrain
