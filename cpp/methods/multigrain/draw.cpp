@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: MIT
+// Drawing: a frame is one multi-draw-indirect over its visible nodes. Grids are shared (grids.h); per-node data
+// are instanced attributes, found by base instance; heights lie in one buffer, tile by tile (tiles.h), and stay
+// there; a map of the strides drawn, a byte a block, tells each edge what lies beside it.
+#include <epoxy/gl.h>
+
+#include "base/errors.h"
+#include "gl/buffer.h"
+#include "gl/context.h"
+#include "gl/error.h"
+#include "gl/vertex_array.h"
+#include "methods/multigrain/grids.h"
+#include "methods/multigrain/session.h"
+#include "methods/multigrain/tiles.h"
+#include "render/field_resources.h"
+
+namespace lodlab::multigrain {
+namespace {
+
+enum Binding : unsigned { kHeights = 3, kStrides = 4 };  // grid.vert
+
+/// Instanced attributes of one node (grid.vert).
+struct Instance {
+  int32_t col, row;
+  int32_t height, pitch;  ///< index of its first height, heights a row of its tile
+  uint32_t node, bits;    ///< level << 16 | side << 8 | stride
+};
+
+struct Command {  // DrawElementsIndirectCommand
+  uint32_t count, instances, first_index;
+  int32_t base_vertex;
+  uint32_t base_instance;
+};
+
+int64_t bytes_of(int64_t heights) { return heights * static_cast<int64_t>(sizeof(float)); }
+
+/// Makes room: never smaller, at least doubled.
+void reserve(gl::Buffer& buffer, size_t bytes) {
+  const auto needed = static_cast<int64_t>(bytes);
+  if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
+}
+
+/// Heights on the GPU: tiles in the order of their first use.
+class TileMemory {
+ public:
+  explicit TileMemory(const Forest& forest)
+      : tiles_(forest.layout), offsets_(static_cast<size_t>(tiles_.count()), -1), all_(tiles_.samples()) {
+    GLint64 limit = 0;
+    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &limit);
+    most_ = std::min<int64_t>(limit, bytes_of(INT32_MAX));
+  }
+
+  /// Index of the height at a sample that is a vertex of this stride.
+  int64_t index(const Forest& forest, int stride_log2, const Node& node, render::Submitted& submitted) {
+    const int64_t id = tiles_.id(stride_log2, node.row, node.col);
+    int64_t& offset = offsets_[static_cast<size_t>(id)];
+    const Tile tile = tiles_.at(id);
+    if (offset < 0) offset = add(forest, id, tile, submitted);
+    return offset + tile.offset(node.row, node.col);
+  }
+  int64_t pitch(int stride_log2, const Node& node) const {
+    return tiles_.at(tiles_.id(stride_log2, node.row, node.col)).cols;
+  }
+  const gl::Buffer& heights() const { return heights_; }
+
+ private:
+  int64_t add(const Forest& forest, int64_t id, const Tile& tile, render::Submitted& submitted) {
+    const int64_t offset = used_;
+    grow(offset + tile.samples());
+    const std::vector<float> heights = forest.tile(id);
+    heights_.upload(bytes_of(offset), as_bytes(heights));
+    submitted.upload_bytes += bytes_of(tile.samples());
+    used_ += tile.samples();
+    return offset;
+  }
+
+  void grow(int64_t samples) {
+    const int64_t needed = bytes_of(samples);
+    if (needed <= heights_.bytes()) return;
+    if (needed > most_) {
+      throw Unsupported("multigrain: " + std::to_string(needed) +
+                        " bytes of heights are above this device's limit of " + std::to_string(most_) +
+                        " in one buffer");
+    }
+    gl::Buffer larger(std::min({std::max(needed, 2 * heights_.bytes()), bytes_of(all_), most_}));
+    glCopyNamedBufferSubData(heights_.id(), larger.id(), 0, 0, static_cast<GLsizeiptr>(bytes_of(used_)));
+    gl::check("glCopyNamedBufferSubData");
+    heights_ = std::move(larger);
+  }
+
+  Tiles tiles_;
+  std::vector<int64_t> offsets_;  ///< -1: not there yet
+  int64_t all_, used_ = 0, most_;
+  gl::Buffer heights_{0};
+};
+
+}  // namespace
+
+struct MultigrainSession::Gpu {
+  /// Nodes that one use() draws.
+  struct Batch {
+    size_t first, count;
+    int64_t triangles;
+  };
+
+  explicit Gpu(const Forest& forest)
+      : field(render::make_field_resources(forest.frame, forest.coverage())), tiles(forest) {
+    arrays.integers(0, 0, 2, GL_UNSIGNED_SHORT, 0);
+    arrays.integers(1, 1, 4, GL_INT, 0);
+    arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
+    glVertexArrayBindingDivisor(arrays.id(), 1, 1);
+    gl::check("glVertexArrayBindingDivisor");
+  }
+
+  void add(const Forest& forest, const CutNode& picked, render::Pass& pass);
+  void upload(render::Submitted& submitted);
+  void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
+
+  render::SurfaceProgram program{{"vertex", "multigrain/grid.vert"}};
+  std::shared_ptr<const render::FieldResources> field;
+  TileMemory tiles;
+  Grids grids;
+  gl::Buffer vertices{0}, indices{0}, instances{0}, commands{0}, strides{0};
+  gl::VertexArray arrays;
+  StrideMap map;
+  std::vector<Instance> instance_data;
+  std::vector<Command> command_data;
+  std::vector<Batch> batches;
+};
+
+void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, render::Pass& pass) {
+  const Layout& layout = forest.layout;
+  const Node& node = forest.node[picked.node];
+  const int size = layout.node_log2(node.level);
+  const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
+  const int64_t last = node.row + (int64_t{1} << size);
+  const Grids::Range grid = grids.range({layout.cells_x(node.col, size, stride), layout.cells_y(node.row, size, stride),
+                                         layout.pole_first && node.row == 0,
+                                         layout.pole_last && last >= layout.last_row()});
+  const int64_t triangles = grid.indices / 3;
+  if (batches.empty() || batches.back().triangles + triangles > pass.batch_triangles()) {
+    batches.push_back({command_data.size(), 0, 0});
+  }
+  ++batches.back().count;
+  batches.back().triangles += triangles;
+  command_data.push_back({grid.indices, 1, grid.first_index, grid.base_vertex,
+                          static_cast<uint32_t>(instance_data.size())});
+  const int64_t height = tiles.index(forest, stride, node, pass.submitted);
+  instance_data.push_back({node.col, node.row, static_cast<int32_t>(height),
+                           static_cast<int32_t>(tiles.pitch(stride, node)), picked.node,
+                           static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
+  pass.submitted.triangles += triangles;
+  pass.submitted.vertices += grid.vertices;
+  ++pass.submitted.nodes;
+}
+
+/// Brings what changed to the GPU. Grids that a frame adds stay.
+void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
+  const auto send = [&](gl::Buffer& buffer, std::span<const std::byte> bytes) {
+    reserve(buffer, bytes.size());
+    buffer.upload(0, bytes);
+    submitted.upload_bytes += static_cast<int64_t>(bytes.size());
+  };
+  send(instances, as_bytes(instance_data));
+  send(commands, as_bytes(command_data));
+  send(strides, as_bytes(map));
+  if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
+    vertices = gl::Buffer(grids.vertices());
+    indices = gl::Buffer(grids.indices());
+    submitted.upload_bytes += vertices.bytes() + indices.bytes();
+    arrays.indices(indices);
+  }
+  arrays.source(0, vertices, 0, sizeof(Grids::Vertex));
+  arrays.source(1, instances, 0, sizeof(Instance));
+}
+
+void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
+  const unsigned name = pass.use(program, *field, false);
+  glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
+              static_cast<GLint>(layout.last_row()));
+  glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
+              layout.block_log2(), layout.wraps ? 1 : 0, layout.pole_first + 2 * layout.pole_last);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeights, tiles.heights().id());
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrides, strides.id());
+  arrays.bind();
+  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
+  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
+                              reinterpret_cast<const void*>(batch.first * sizeof(Command)),
+                              static_cast<GLsizei>(batch.count), 0);
+  gl::check("glMultiDrawElementsIndirect");
+  ++pass.submitted.draw_calls;
+}
+
+void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
+  gl::ensure_context();
+  const Forest& forest = *forest_;
+  if (!gpu_) gpu_ = std::make_shared<Gpu>(forest);
+  Gpu& gpu = *gpu_;
+  gpu.instance_data.clear();
+  gpu.command_data.clear();
+  gpu.batches.clear();
+  gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
+  for (const CutNode& picked : cut.nodes) {
+    forest.mark(forest.node[picked.node], static_cast<int>(picked.resolution), gpu.map);
+    if (picked.visible || pass.everything()) gpu.add(forest, picked, pass);
+  }
+  if (gpu.command_data.empty()) return;
+  gpu.upload(pass.submitted);
+  for (const Gpu::Batch& batch : gpu.batches) gpu.draw(forest.layout, batch, pass);
+}
+
+int64_t MultigrainSession::resident_bytes() const {
+  if (!gpu_) return 0;
+  const Gpu& gpu = *gpu_;
+  int64_t sum = gpu.field->bytes() + gpu.tiles.heights().bytes();
+  for (const gl::Buffer* b : {&gpu.vertices, &gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
+    sum += b->bytes();
+  }
+  return sum;
+}
+
+}  // namespace lodlab::multigrain

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+#include "methods/multigrain/tiles.h"
+
+namespace lodlab::multigrain {
+
+Tiles::Tiles(const Layout& layout)
+    : layout_(layout), side_log2_(std::min(layout.most_log2, layout.chart_log2)), first_{0} {
+  for (int a = 0; a <= layout.largest_stride_log2(); ++a) first_.push_back(first_.back() + across(a) * down(a));
+}
+
+Tile Tiles::at(int64_t id) const {
+  const auto next = std::upper_bound(first_.begin(), first_.end(), id);
+  const int a = static_cast<int>(next - first_.begin()) - 1, log2 = a + side_log2_;
+  const int64_t place = id - *(next - 1), row = place / across(a) << log2, col = place % across(a) << log2;
+  return {a, row, col, layout_.cells_y(row, log2, a) + 1, layout_.cells_x(col, log2, a) + 1};
+}
+
+int64_t Tiles::samples() const {
+  int64_t sum = 0;
+  for (int64_t i = 0; i < count(); ++i) sum += at(i).samples();
+  return sum;
+}
+
+std::vector<float> Tiles::cut(const HeightField& field, const Tile& tile) const {
+  std::vector<float> out;
+  out.reserve(static_cast<size_t>(tile.samples()));
+  for (int64_t j = 0; j < tile.rows; ++j) {
+    const int64_t row = std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
+    const bool pole = (layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row());
+    for (int64_t i = 0; i < tile.cols; ++i) {
+      const int64_t col = std::min(tile.col + (i << tile.stride_log2), layout_.last_col());
+      out.push_back(field.at(row, pole || col == field.cols ? 0 : col));
+    }
+  }
+  return out;
+}
+
+}  // namespace lodlab::multigrain

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// Heights for drawing: for each stride 2^a that anything is drawn with, every 2^a-th sample, cut into tiles of
+// 2^side_log2 cells a side that share their border samples, so that the grid of any node lies in one tile. Tiles
+// are clamped like grids: what lies past the last row or column is not there, and the last ones are kept at every
+// stride. A planet's column last_col is column 0 again; all of a pole's row is its column 0.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "geometry/height_field.h"
+#include "methods/multigrain/layout.h"
+
+namespace lodlab::multigrain {
+
+struct Tile {
+  int stride_log2;
+  int64_t row, col;    ///< its first sample
+  int64_t rows, cols;  ///< of its own samples
+
+  int64_t samples() const { return rows * cols; }
+  /// Where the vertex at this sample of the source lies in the tile: clamped ones are the last.
+  int64_t offset(int64_t at_row, int64_t at_col) const {
+    return past(at_row - row) * cols + past(at_col - col);
+  }
+
+ private:
+  int64_t past(int64_t length) const { return (length + (int64_t{1} << stride_log2) - 1) >> stride_log2; }
+};
+
+class Tiles {
+ public:
+  explicit Tiles(const Layout& layout);
+
+  int64_t count() const { return first_.back(); }
+  /// Ids count the tiles of stride 1 row by row, then those of stride 2, and so on.
+  int64_t id(int stride_log2, int64_t row, int64_t col) const {
+    const int log2 = stride_log2 + side_log2_;
+    return first_[static_cast<size_t>(stride_log2)] + (row >> log2) * across(stride_log2) + (col >> log2);
+  }
+  Tile at(int64_t id) const;
+  /// Samples of all tiles together.
+  int64_t samples() const;
+  /// The heights of a tile, row by row.
+  std::vector<float> cut(const HeightField& field, const Tile& tile) const;
+
+ private:
+  /// Tiles side by side at this stride.
+  int64_t across(int stride_log2) const { return layout_.cells_x(0, kWhole, stride_log2 + side_log2_); }
+  int64_t down(int stride_log2) const { return layout_.cells_y(0, kWhole, stride_log2 + side_log2_); }
+
+  static constexpr int kWhole = 62;  ///< log2 of more cells than any field has
+  Layout layout_;
+  int side_log2_;
+  std::vector<int64_t> first_;  ///< id of each stride's first tile; their number
+};
+
+}  // namespace lodlab::multigrain
