@@ -75,6 +75,7 @@ struct Cut {
   int64_t filler_triangles = 0;
   int64_t visible_nodes = 0;
   int64_t missing_nodes = 0;   ///< visible stand-ins
+  int64_t adapt_steps = 0;     ///< moves that adaptation made or tried
   bool promises_bound = true;  ///< predicted_px is an upper bound
   bool budget_met = true;
   std::string options;  ///< draw options, JSON

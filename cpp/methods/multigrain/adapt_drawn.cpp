@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: MIT
+// From the queues' cut to what is drawn. A node's edge is drawn with the stride of a coarser neighbour, which
+// may cost it more than its own error (BlockErrors::strip): such neighbours are made finer, culled ones for
+// nothing, others within the hard budgets. Strides only fall and nodes are only split: it ends.
+#include <algorithm>
+#include <cmath>
+
+#include "methods/multigrain/adapt.h"
+
+namespace lodlab::multigrain {
+
+void Adapter::own_blocks(uint32_t id) {
+  const Layout& layout = forest_.layout;
+  const Node& n = node(id);
+  const int q = layout.block_log2(), side = 1 << (layout.levels - 1 - n.level);
+  const int64_t x0 = n.col >> q, y0 = n.row >> q;
+  const int64_t x1 = std::min(x0 + side, layout.blocks_x()), y1 = std::min(y0 + side, layout.blocks_y());
+  for (int64_t y = y0; y < y1; ++y) {
+    const auto row = owner_.begin() + y * layout.blocks_x();
+    std::fill(row + x0, row + x1, id);
+  }
+  spot_[id].owns = true;
+}
+
+/// visit(block across, edge, block, stride across) for each block along the node's edges beside a coarser
+/// neighbour.
+template <class Visit>
+void Adapter::beside_coarser(uint32_t id, Visit&& visit) const {
+  const Layout& layout = forest_.layout;
+  const Node& n = node(id);
+  const int q = layout.block_log2(), side = 1 << (layout.levels - 1 - n.level);
+  const int64_t wide = layout.blocks_x(), high = layout.blocks_y();
+  const int64_t x0 = n.col >> q, y0 = n.row >> q;
+  const int64_t x1 = std::min(x0 + side, wide), y1 = std::min(y0 + side, high);
+  const int own = stride(id);
+  const auto along = [&](Edge edge, int64_t block, int64_t other, int64_t count, int64_t pitch) {
+    for (int64_t i = 0; i < count; ++i) {
+      const int coarse = stride(owner_[static_cast<size_t>(other + i * pitch)]);
+      if (coarse > own) visit(other + i * pitch, edge, block + i * pitch, coarse);
+    }
+  };
+  const int64_t west = x0 > 0 ? x0 - 1 : layout.wraps ? wide - 1 : -1;
+  const int64_t east = x1 < wide ? x1 : layout.wraps ? 0 : -1;
+  if (y0 > 0) along(kNorth, y0 * wide + x0, (y0 - 1) * wide + x0, x1 - x0, 1);
+  if (y1 < high) along(kSouth, (y1 - 1) * wide + x0, y1 * wide + x0, x1 - x0, 1);
+  if (east >= 0) along(kEast, y0 * wide + x1 - 1, y0 * wide + east, y1 - y0, wide);
+  if (west >= 0) along(kWest, y0 * wide + x0, y0 * wide + west, y1 - y0, wide);
+}
+
+double Adapter::drawn_error(uint32_t id) const {
+  const int own = stride(id);
+  float error = forest_.at(node(id), spot_[id].k).error;
+  beside_coarser(id, [&](int64_t, Edge edge, int64_t block, int coarse) {
+    error = std::max(error, forest_.errors.strip_error(block, edge, own, coarse));
+  });
+  return error;
+}
+
+/// Gives the node a stride no larger than wanted, or splits it. False: it cannot be, or the budgets forbid
+/// it.
+bool Adapter::finer(uint32_t id, int wanted_stride) {
+  const Node& n = node(id);
+  const Spot& spot = spot_[id];
+  const int k = std::min<int>(forest_.layout.node_log2(n.level) - wanted_stride, n.most);
+  if (!spot.visible && k > spot.k) {
+    resolve(id, k);
+    return true;
+  }
+  // Children with the same stride are as many triangles, and those that are not beside can stay as they are.
+  const auto same = [&](uint32_t child) { return std::max<int>(node(child).least, spot_[id].k - 1); };
+  if (n.children > 0) {
+    int64_t more_nodes = spot.visible ? -1 : 0, more = spot.visible ? -triangles(id, spot.k) : 0;
+    for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
+      if (!look(c).visible) continue;
+      more += triangles(c, same(c));
+      ++more_nodes;
+    }
+    if (triangles_ + more <= frame_.triangles && nodes_ + more_nodes <= frame_.nodes) {
+      const int own = spot.k;
+      spot_[id].owns = false;
+      split(id, [&](uint32_t c) { return std::max<int>(node(c).least, own - 1); });
+      for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
+        own_blocks(c);
+        work_.push_back(c);
+      }
+      return true;
+    }
+  }
+  if (k <= spot.k || triangles_ + triangles(id, k) - triangles(id, spot.k) > frame_.triangles) return false;
+  resolve(id, k);
+  work_.push_back(id);
+  return true;
+}
+
+/// Every visible node's drawn error within so many pixels, or within its own where that is more.
+void Adapter::stitch(double pixels) {
+  work_.clear();
+  for (const uint32_t id : cut_) {
+    if (spot_[id].k >= 0 && spot_[id].visible) work_.push_back(id);
+  }
+  for (size_t head = 0; head < work_.size(); ++head) {
+    const uint32_t id = work_[head];
+    if (spot_[id].k < 0 || !spot_[id].visible) continue;
+    const int own = stride(id);
+    const double most = std::max<double>(allowed(id, pixels), forest_.at(node(id), spot_[id].k).error);
+    beside_coarser(id, [&](int64_t across, Edge edge, int64_t block, int coarse) {
+      int wanted = coarse;
+      while (wanted > own && forest_.errors.strip_error(block, edge, own, wanted) > most) --wanted;
+      const auto& neighbour = owner_[static_cast<size_t>(across)];
+      while (stride(neighbour) > wanted && finer(neighbour, wanted)) {
+      }
+    });
+  }
+}
+
+/// Owners of blocks, stitching, and what is left to spend; then the cut is in order.
+void Adapter::draw_it() {
+  for (const uint32_t id : drawn_) {
+    if (spot_[id].k < 0) spot_[id].owns = false;
+  }
+  double worst = frame_.target;
+  for (const uint32_t id : cut_) {
+    if (spot_[id].k < 0) continue;
+    if (!spot_[id].owns) own_blocks(id);
+    worst = std::max(worst, spot_[id].rho);
+  }
+  if (frame_.fits) stitch(worst);
+  if (frame_.fits && local_) spend();
+  list_cut();
+  drawn_.assign(cut_.begin(), cut_.end());
+}
+
+void Adapter::write(const Budget& budget, Cut& cut) {
+  cut.nodes.resize(cut_.size());
+  cut.tau = 0.0;
+  for (size_t i = 0; i < cut_.size(); ++i) {
+    const uint32_t id = cut_[i];
+    const Spot& spot = spot_[id];
+    const double error = drawn_error(id);
+    cut.nodes[i] = {id, static_cast<uint32_t>(spot.k), 1.0f, spot.visible, false, error};
+    if (!spot.visible) continue;
+    cut.tau = std::max(cut.tau, spot.rho);
+    cut.predicted_px = std::max(cut.predicted_px, projector_.project(error, spot.place));
+  }
+  cut.triangles = triangles_;
+  cut.visible_nodes = nodes_;
+  cut.adapt_steps = steps_;
+  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
+                   (!budget.triangles || triangles_ <= *budget.triangles) &&
+                   (!budget.nodes || nodes_ <= *budget.nodes);
+}
+
+}  // namespace lodlab::multigrain

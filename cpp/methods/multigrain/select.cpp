@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// Selection: which algorithm serves which budget, and what the cut promises.
+#include <string>
+
+#include "base/errors.h"
+#include "methods/multigrain/adapt.h"
+
+namespace lodlab::multigrain {
+namespace {
+
+/// A hair inside the target: an error and its inverse are rounded apart.
+constexpr double kInside = 1.0 - 1e-12;
+
+Adapt serving(Adapt adapt, const Budget& budget) {
+  if (adapt == Adapt::kAuto) return budget.triangles ? Adapt::kQuad : Adapt::kTopDown;
+  if (adapt == Adapt::kQuad && !budget.triangles)
+    throw Unsupported("select: adapt=quad spends a budget of triangles, and none is set");
+  if (adapt != Adapt::kQuad && budget.triangles) {
+    throw Unsupported(std::string("select: adapt=") + (adapt == Adapt::kDual ? "dual" : "topdown") +
+                      " knows pixel_error and nodes, and a budget of triangles is set: adapt=quad");
+  }
+  return adapt;
+}
+
+}  // namespace
+
+void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cut& cut) {
+  adapt = serving(adapt, budget);
+  ++frames_;
+  projector_ = Projector(projection_, camera);
+  frame_ = Frame{};
+  frame_.camera = &camera;
+  if (budget.pixel_error) frame_.target = *budget.pixel_error * kInside;
+  if (budget.triangles) frame_.triangles = *budget.triangles;
+  if (budget.nodes) frame_.nodes = *budget.nodes;
+  steps_ = 0;
+  local_ = adapt == Adapt::kQuad;
+  frame_.fits = roots_fit();
+  if (!frame_.fits) {
+    start_at_roots();
+  } else if (adapt == Adapt::kQuad) {
+    select_quad();
+  } else if (adapt == Adapt::kDual) {
+    select_dual();
+  } else {
+    select_topdown();
+  }
+  const size_t queues = moves_.size();
+  draw_it();
+  write(budget, cut);
+  undo(queues);
+}
+
+Cut MultigrainSession::select(const View& view, const Budget& budget) {
+  const Camera camera = make_camera(view);
+  Cut cut;
+  cut.view = view;
+  cut.options = options_json_;
+  cut.promises_bound = projection_ != Projection::kPaper && forest_->store->meta("bounds") != "bilinear";
+  adaptation_->select(adapt_, camera, budget, cut);
+  return cut;
+}
+
+void MultigrainSession::reset() { adaptation_->reset(); }
+
+}  // namespace lodlab::multigrain
