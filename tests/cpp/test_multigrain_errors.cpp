@@ -299,3 +299,174 @@ TEST_CASE("no triangle of any cut is farther from the samples than its node says
     CHECK(largest <= 3.0);
   }
 }
+
+TEST_CASE("errors nest: a node's own under split and refinement, strips in both strides") {
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Opened opened = open(c.field, c.options);
+    const Forest& forest = *opened.forest;
+    for (const Node& n : forest.node) {
+      for (int k = n.least; k <= n.most; ++k) {
+        const float error = forest.at(n, k).error;
+        if (k > n.least) CHECK(error <= forest.at(n, k - 1).error);
+        for (uint32_t i = n.first_child; i < n.first_child + n.children; ++i) {
+          const Node& child = forest.node[i];
+          for (int l = child.least; l <= child.most; ++l) {
+            if (forest.stride_log2(child, l) <= forest.stride_log2(n, k)) CHECK(forest.at(child, l).error <= error);
+          }
+        }
+      }
+      for (uint32_t i = n.first_child; i < n.first_child + n.children; ++i) {
+        for (int a = 0; a < 3; ++a) {
+          CHECK(forest.node[i].lo[a] >= n.lo[a]);
+          CHECK(forest.node[i].hi[a] <= n.hi[a]);
+        }
+      }
+    }
+    const multigrain::BlockErrors& e = forest.errors;
+    for (int64_t block = 0; block < forest.layout.blocks_x() * forest.layout.blocks_y(); ++block) {
+      CHECK(e.own_error(block, 0) <= (c.field->planet ? 1e-8 : 0.0));
+      for (int edge = 0; edge < 4; ++edge) {
+        for (int b = 1; b < e.strides; ++b) {
+          for (int a = 0; a < b; ++a) {
+            CHECK(e.strip_error(block, edge, a, b) <= e.own_error(block, b));
+            if (a > 0) CHECK(e.strip_error(block, edge, a - 1, b) <= e.strip_error(block, edge, a, b));
+            if (b + 1 < e.strides) CHECK(e.strip_error(block, edge, a, b) <= e.strip_error(block, edge, a, b + 1));
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("the forest covers the field once at every level, and its tiles hold the heights") {
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Opened opened = open(c.field, c.options);
+    const Forest& forest = *opened.forest;
+    const multigrain::Layout& layout = forest.layout;
+    std::vector<int64_t> cells(static_cast<size_t>(layout.levels));
+    const multigrain::Tiles tiles(layout);
+    for (const Node& n : forest.node) {
+      const int size = layout.node_log2(n.level);
+      cells[n.level] += layout.cells_x(n.col, size, 0) * layout.cells_y(n.row, size, 0);
+      for (int k = n.least; k <= n.most; ++k) {
+        const int64_t id = tiles.id(forest.stride_log2(n, k), n.row, n.col);
+        const multigrain::Tile tile = tiles.at(id);
+        const std::vector<float> heights = forest.tile(id);
+        REQUIRE(static_cast<int64_t>(heights.size()) == tile.samples());
+        const int64_t row = std::min<int64_t>(n.row + (1 << size), layout.last_row());
+        const int64_t col = std::min<int64_t>(n.col + (1 << size), layout.last_col());
+        const bool pole = layout.pole_last && row == layout.last_row();
+        CHECK(heights[static_cast<size_t>(tile.offset(row, col))] ==
+              c.field->at(row, pole || col == c.field->cols ? 0 : col));
+      }
+    }
+    for (const int64_t count : cells) CHECK(count == layout.last_row() * layout.last_col());
+  }
+}
+
+TEST_CASE("a block's errors are its own: the same in a larger field, with one thread or two") {
+  const Field small = flat(65, 65, 21), large = flat(70, 75, 21);
+  const multigrain::Layout one = multigrain::make_layout(*small, 5, 2, 16);
+  const multigrain::Layout two = multigrain::make_layout(*large, 5, 2, 16);
+  set_thread_count(1);
+  const auto a = measure_errors(*small, one, multigrain::Bounds::kDrawn, {});
+  const auto b = measure_errors(*large, two, multigrain::Bounds::kDrawn, {});
+  set_thread_count(2);
+  const auto c = measure_errors(*large, two, multigrain::Bounds::kDrawn, {});
+  set_thread_count(0);
+  CHECK(b.own == c.own);
+  CHECK(b.strips == c.strips);
+  for (int64_t y = 0; y < one.blocks_y(); ++y) {
+    for (int64_t x = 0; x < one.blocks_x(); ++x) {
+      if (y + 1 < one.blocks_y() && x + 1 < one.blocks_x()) {
+        const int64_t i = y * one.blocks_x() + x, j = y * two.blocks_x() + x;
+        for (int s = 0; s < a.strides; ++s) CHECK(a.own_error(i, s) == b.own_error(j, s));
+        for (int edge = 0; edge < 4; ++edge) CHECK(a.strip_error(i, edge, 1, 3) == b.strip_error(j, edge, 1, 3));
+      }
+    }
+  }
+}
+
+TEST_CASE("a plane has no error but rounding, level ground none at all") {
+  const Field plane = synthetic::field(synthetic::flat(70, 50), [](int64_t r, int64_t c) { return static_cast<double>(3 * r - 2 * c); });
+  const Field level = synthetic::field(synthetic::flat(70, 50), [](int64_t, int64_t) { return 12.5; });
+  const multigrain::Layout layout = multigrain::make_layout(*plane, 6, 3, 64);
+  for (const float e : measure_errors(*plane, layout, multigrain::Bounds::kDrawn, {}).own) CHECK(e <= 1e-3f);
+  for (const auto bounds : {multigrain::Bounds::kDrawn, multigrain::Bounds::kBilinear}) {
+    const auto errors = measure_errors(*level, layout, bounds, {});
+    for (const float e : errors.own) CHECK(e == 0.0f);
+    for (const float e : errors.strips) CHECK(e == 0.0f);
+  }
+}
+
+TEST_CASE("bilinear: a saddle fits exactly, though its triangles do not") {
+  const Field saddle =
+      synthetic::field(synthetic::flat(33, 33), [](int64_t r, int64_t c) { return static_cast<double>(r * c); });
+  const multigrain::Layout layout = multigrain::make_layout(*saddle, 4, 2, 16);
+  const auto paper = measure_errors(*saddle, layout, multigrain::Bounds::kBilinear, {});
+  const auto drawn = measure_errors(*saddle, layout, multigrain::Bounds::kDrawn, {});
+  for (int64_t i = 0; i < layout.blocks_x() * layout.blocks_y(); ++i) {
+    CHECK(paper.own_error(i, 2) <= 1e-30f);
+    CHECK(drawn.own_error(i, 2) == doctest::Approx(4.0).epsilon(1e-4));  // the middle of a cell of 4 x 4: 16 / 4
+  }
+  CHECK(*std::max_element(paper.strips.begin(), paper.strips.end()) == 0.0f);
+}
+
+TEST_CASE("finest_error: what is left out is within it, and so is the finest cut") {
+  const Field field = synthetic::field(synthetic::flat(129, 129, 10.0), [](int64_t r, int64_t c) {
+    return c > 80 ? 40.0 * std::sin(0.9 * static_cast<double>(r)) : 0.001 * static_cast<double>(r * r % 17);
+  });
+  const OptionValues all = shape(64, 3, 64);
+  OptionValues some = all;
+  some["finest_error"] = 0.5;
+  const Opened whole = open(field, all), less = open(field, some);
+  CHECK(less.forest->resolution.size() < whole.forest->resolution.size());
+  CHECK(less.forest->vertices() < whole.forest->vertices());
+  CHECK(whole.forest->vertices() == 129 * 129);
+  StrideMap map(static_cast<size_t>(less.forest->layout.blocks_x() * less.forest->layout.blocks_y()));
+  std::vector<Selected> cut;
+  for (uint32_t i = 0; i < less.forest->node.size(); ++i) {
+    const Node& n = less.forest->node[i];
+    if (n.children == 0) cut.push_back({i, n.most});
+  }
+  for (const Selected& s : cut) less.forest->mark(less.forest->node[s.node], s.k, map);
+  bool coarse = false;
+  for (const Selected& s : cut) {
+    CHECK(less.forest->drawn_error(less.forest->node[s.node], s.k, map) <= 0.5);
+    coarse = coarse || less.forest->stride_log2(less.forest->node[s.node], s.k) > 0;
+  }
+  CHECK(coarse);
+}
+
+TEST_CASE("options that no layout can have are refused, and say what can") {
+  const Field field = flat(600, 700, 31);
+  const auto message = [&](const OptionValues& options) {
+    try {
+      open(field, options);
+    } catch (const InvalidInput& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  CHECK(testing::says(message({{"chart", int64_t{100}}}), "chart = 100 is not a power of two"));
+  CHECK(testing::says(message({{"node_resolution", int64_t{48}}}), "node_resolution = 48 is not a power of two"));
+  CHECK(testing::says(message(shape(512, 2, 64)), "limit is chart = 128"));
+  const Field sphere = globe(65, 128, 32);
+  CHECK_THROWS_AS(open(sphere, shape(128, 2, 64)), InvalidInput);
+}
+
+TEST_CASE("a build that was stopped goes on to the same store") {
+  const Field field = flat(150, 170, 41);
+  const testing::TemporaryFolder folder;
+  const auto build = [&](const std::string& name, BuildMode mode, const Progress& progress) {
+    return build_store({field}, multigrain_method(), shape(64, 3, 16), folder / name, mode, progress)->content_hash();
+  };
+  const std::string whole = build("a.lod", BuildMode::kNew, {});
+  const auto stop = [](const std::string& stage, double share) {
+    if (stage == "heights" && share > 0.4) throw Interrupted();
+  };
+  CHECK_THROWS_AS(build("b.lod", BuildMode::kNew, stop), Interrupted);
+  CHECK(build("b.lod", BuildMode::kResume, {}) == whole);
+}

@@ -3,10 +3,12 @@
 #include "methods/multigrain/hierarchy.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "base/errors.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/session.h"
+#include "methods/multigrain/tiles.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -115,7 +117,6 @@ Forest::Forest(std::shared_ptr<const Store> opened)
     throw StoreError("multigrain: " + store->path() + " does not hold the errors of its blocks");
   check_linked(*this, store->path());
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
-  bounds_drawn = store->meta("bounds") == "drawn";
 }
 
 std::vector<NodeInfo> Forest::nodes() const {
@@ -148,6 +149,23 @@ int64_t Forest::vertices() const {
 
 std::unique_ptr<Session> Forest::session(const Options& draw_options) const {
   return std::make_unique<MultigrainSession>(shared_from_this(), draw_options);
+}
+
+std::vector<float> Forest::tile(int64_t id) const {
+  const Bytes page = store->page(kHeights, id);
+  const Tile tile = Tiles(layout).at(id);
+  std::vector<float> heights(static_cast<size_t>(tile.samples()));
+  if (page.size() != heights.size() * sizeof(float)) {
+    throw StoreError("multigrain: tile " + std::to_string(id) + " of " + store->path() + " has " +
+                     std::to_string(page.size()) + " bytes instead of " +
+                     std::to_string(heights.size() * sizeof(float)));
+  }
+  std::memcpy(heights.data(), page.data(), page.size());
+  return heights;
+}
+
+Bytes Forest::coverage() const {
+  return store->has_page(kCoverage, 0) ? store->page(kCoverage, 0) : Bytes();
 }
 
 double Forest::drawn_error(const Node& n, int k, const StrideMap& map) const {

@@ -63,7 +63,6 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   std::vector<Node> node;
   std::vector<Resolution> resolution;
   uint32_t roots = 0;
-  bool bounds_drawn = true;  ///< false: errors are the paper's (Bounds::kBilinear), and cuts promise no bound
 };
 
 }  // namespace lodlab::multigrain
