@@ -409,7 +409,8 @@ TEST_CASE("bilinear: a saddle fits exactly, though its triangles do not") {
   const auto drawn = measure_errors(*saddle, layout, multigrain::Bounds::kDrawn, {});
   for (int64_t i = 0; i < layout.blocks_x() * layout.blocks_y(); ++i) {
     CHECK(paper.own_error(i, 2) <= 1e-30f);
-    CHECK(drawn.own_error(i, 2) == doctest::Approx(4.0).epsilon(1e-4));  // the middle of a cell of 4 x 4: 16 / 4
+    CHECK(drawn.own_error(i, 2) >= 4.0f);  // the middle of a cell of 4 x 4: 16 / 4
+    CHECK(drawn.own_error(i, 2) <= 4.001f);
   }
   CHECK(*std::max_element(paper.strips.begin(), paper.strips.end()) == 0.0f);
 }

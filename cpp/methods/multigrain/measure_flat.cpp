@@ -16,9 +16,9 @@ namespace {
 
 typedef float Four __attribute__((vector_size(16)));
 
-/// Rounding in 32 bits: at most this many half steps of the largest height about the middle. Three heights are
-/// rounded, two differences of twice their size, three products, three sums, and the last difference.
-constexpr float kRounding = 24.0f * 0x1p-24f;
+/// Rounding in 32 bits: no surface below needs more than this many half steps of the largest height about the
+/// middle, for heights, their differences (up to four times as large), products and sums.
+constexpr float kRounding = 40.0f * 0x1p-24f;
 
 float largest(float v) { return v; }
 float largest(const Four& v) { return std::max(std::max(v[0], v[1]), std::max(v[2], v[3])); }
@@ -86,6 +86,32 @@ Lanes measure_grid(const Samples<Lanes>& samples, int width, int height, int str
       const bool flipped = (i & 1) != 0;
       worst = measure_triangle(samples, {flipped ? x : right, bottom, x, right, -1, h, h}, worst);
       worst = measure_triangle(samples, {flipped ? right : x, y, x, right, 1, h, last}, worst);
+    }
+  }
+  return worst;
+}
+
+/// The one cell of a whole block, of `side` cells, in quarters. Over the unit square it is
+/// nw + u (ne - nw) + v (se - ne) + bend max(0, v - u), or, cut the other way,
+/// nw + u (ne - nw) + v (sw - nw) - bend max(0, u + v - 1).
+Four measure_cell(const Samples<Four>& quarters, const Four& corners, int side, bool odd) {
+  const float nw = corners[0], ne = corners[1], sw = corners[2], se = corners[3];
+  const float bend = odd ? nw + se - ne - sw : ne + sw - nw - se, down = odd ? sw - nw : se - ne;
+  const Four across = Four{} + (ne - nw), fold = Four{} + bend;
+  const float unit = 1.0f / static_cast<float>(side);
+  Four worst{};
+  for (int y = 0; y <= side / 2; ++y) {
+    const float v = static_cast<float>(y) * unit;
+    const Four vs{v, v, 1.0f - v, 1.0f - v}, start = nw + vs * down, edge = odd ? vs - 1.0f : vs;
+    const Four* z = quarters.row(y);
+    for (int x = 0; x <= side / 2; ++x) {
+      const float u = static_cast<float>(x) * unit;
+      const Four us{u, 1.0f - u, u, 1.0f - u};
+      Four over = odd ? edge + us : edge - us;
+      over = over > 0.0f ? over : Four{};
+      const Four d = z[x] - (start + us * across + fold * over);
+      worst = d > worst ? d : worst;
+      worst = -d > worst ? -d : worst;
     }
   }
   return worst;
@@ -189,8 +215,7 @@ class FlatMeasurer : public Measurer {
     for (int a = 1; a <= std::min(top_, log2_ - 1); ++a)
       own[a] = rounded(measure_grid(quarters_, half, half, a, false));
     if (top_ == log2_) {
-      copy(block, kNorth, side + 1, side + 1);
-      own[log2_] = rounded(measure_grid(single_, side, side, log2_, is_odd(block, log2_)));
+      own[log2_] = rounded(measure_cell(quarters_, *quarters_.row(0), side, is_odd(block, log2_)));
     }
     const int pairs = BlockErrors::pairs(log2_ + 1);
     for_pairs([&](int a, int b) {

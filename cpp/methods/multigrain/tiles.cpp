@@ -22,15 +22,18 @@ int64_t Tiles::samples() const {
 }
 
 std::vector<float> Tiles::cut(const HeightField& field, const Tile& tile) const {
-  std::vector<float> out;
-  out.reserve(static_cast<size_t>(tile.samples()));
+  std::vector<float> out(static_cast<size_t>(tile.samples()));
+  const int64_t last = std::min(tile.col + ((tile.cols - 1) << tile.stride_log2), layout_.last_col());
   for (int64_t j = 0; j < tile.rows; ++j) {
     const int64_t row = std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
-    const bool pole = (layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row());
-    for (int64_t i = 0; i < tile.cols; ++i) {
-      const int64_t col = std::min(tile.col + (i << tile.stride_log2), layout_.last_col());
-      out.push_back(field.at(row, pole || col == field.cols ? 0 : col));
+    const float* z = field.heights + row * field.cols;
+    float* to = out.data() + j * tile.cols;
+    if ((layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row())) {
+      std::fill_n(to, tile.cols, z[0]);
+      continue;
     }
+    for (int64_t i = 0; i + 1 < tile.cols; ++i) to[i] = z[tile.col + (i << tile.stride_log2)];
+    to[tile.cols - 1] = z[last % field.cols];
   }
   return out;
 }
