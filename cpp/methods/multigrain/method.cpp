@@ -2,7 +2,7 @@
 // multigrain: a forest of quadtrees in which detail is chosen per node in two ways, by splitting it or by raising
 // the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched on the GPU.
 // Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture atlas, 2007.
-#include "base/errors.h"
+#include "methods/multigrain/adapt.h"
 #include "methods/multigrain/multigrain.h"
 
 namespace lodlab {
@@ -85,7 +85,25 @@ class Multigrain : public Method {
   }
 };
 
+Adapt adapt_of(const Options& options) {
+  const std::string& text = options.text("adapt");
+  return text == "topdown" ? Adapt::kTopDown
+         : text == "dual"  ? Adapt::kDual
+         : text == "quad"  ? Adapt::kQuad
+                           : Adapt::kAuto;
+}
+
 }  // namespace
+
+MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const Options& options)
+    : forest_(std::move(forest)),
+      options_json_(options.to_json()),
+      projection_(projection_of(options)),
+      adapt_(adapt_of(options)),
+      adaptation_(std::make_unique<Adaptation>(*forest_, projection_)) {}
+
+MultigrainSession::~MultigrainSession() = default;
+
 }  // namespace multigrain
 
 const Method& multigrain_method() {
