@@ -6,6 +6,20 @@
 #include <cmath>
 
 namespace lodlab::multigrain {
+namespace {
+
+/// Whether the box lies inside all planes of the frustum.
+bool contains(const Camera& camera, const Box& box) {
+  const glm::dvec3 half = 0.5 * (box.hi - box.lo);
+  const glm::dvec3 middle = box.center() - camera.eye;
+  for (size_t i = 0; i < camera.planes.size(); ++i) {
+    const double reach = glm::dot(glm::abs(camera.planes[i]), half);
+    if (glm::dot(camera.planes[i], middle) - reach < (i == 4 ? camera.near_plane : 0.0)) return false;
+  }
+  return true;
+}
+
+}  // namespace
 
 Adapter::Adapter(const Forest& forest, Projection projection)
     : forest_(forest),
@@ -16,7 +30,29 @@ Adapter::Adapter(const Forest& forest, Projection projection)
       merge_(forest.node.size()),
       refine_(forest.node.size()),
       coarsen_(forest.node.size()),
-      owner_(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()), kNone) {}
+      owner_(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()), kNone) {
+  count_fewest();
+}
+
+/// For every node and resolution, the fewest triangles that its subtree needs for the same error, all of it
+/// seen and equally far.
+void Adapter::count_fewest() {
+  fewest_.resize(forest_.resolution.size());
+  for (size_t id = forest_.node.size(); id-- > 0;) {
+    const Node& n = forest_.node[id];
+    for (int k = n.least; k <= n.most; ++k) {
+      const Resolution& own = forest_.at(n, k);
+      uint32_t below = n.children == 0 ? own.triangles : 0;
+      for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
+        const Node& child = node(c);
+        int child_k = child.least;
+        while (child_k < child.most && forest_.at(child, child_k).error > own.error) ++child_k;
+        below += fewest(c, child_k);
+      }
+      fewest_[n.first_resolution + static_cast<size_t>(k - n.least)] = std::min(own.triangles, below);
+    }
+  }
+}
 
 void Adapter::forget() {
   for (const uint32_t id : cut_) {
@@ -33,6 +69,7 @@ void Adapter::forget() {
 /// The last frame's cut under this frame's view: culled nodes fall back to their least resolution.
 void Adapter::begin() {
   moves_.clear();
+  queues_up_ = false;
   if (cut_.empty()) {
     start_at_roots();
     return;
@@ -44,10 +81,9 @@ void Adapter::begin() {
     if (spot.visible) {
       triangles_ += triangles(id, spot.k);
       ++nodes_;
-      spot.rho = project(id, spot.k);
+      set_resolution(id, spot.k);
     } else {
-      spot.k = static_cast<int8_t>(node(id).least);
-      spot.rho = 0.0;
+      set_resolution(id, node(id).least);
     }
   }
 }
@@ -55,6 +91,7 @@ void Adapter::begin() {
 void Adapter::start_at_roots() {
   forget();
   moves_.clear();
+  queues_up_ = false;
   for (uint32_t id = 0; id < forest_.roots; ++id) put(id, node(id).least);
 }
 
@@ -75,7 +112,19 @@ Adapter::Spot& Adapter::look(uint32_t id) {
   if (spot.seen == frames_) return spot;
   spot.seen = frames_;
   const Node& n = node(id);
-  spot.visible = frame_.camera->sees({{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}});
+  if (n.parent >= 0) {  // boxes nest
+    const Spot& parent = spot_[static_cast<size_t>(n.parent)];
+    spot.inside = parent.seen == frames_ && parent.inside;
+  } else {
+    spot.inside = false;
+  }
+  if (!spot.inside) {
+    const Box box{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}};
+    spot.visible = frame_.camera->sees(box);
+    spot.inside = spot.visible && contains(*frame_.camera, box);
+  } else {
+    spot.visible = true;
+  }
   if (spot.visible) spot.place = projector_.place(n.lo, n.hi);
   return spot;
 }
@@ -102,12 +151,18 @@ int Adapter::first_within(uint32_t id, double pixels) {
   return k;
 }
 
+void Adapter::set_resolution(uint32_t id, int k) {
+  Spot& spot = spot_[id];
+  spot.k = static_cast<int8_t>(k);
+  spot.stride = static_cast<int8_t>(forest_.stride_log2(node(id), k));
+  spot.rho = spot.visible ? project(id, k) : 0.0;
+  if (queues_up_) changed_.push_back(id);
+}
+
 void Adapter::put(uint32_t id, int k) {
   Spot& spot = look(id);
-  spot.k = static_cast<int8_t>(k);
-  spot.rho = 0.0;
+  set_resolution(id, k);
   if (spot.visible) {
-    spot.rho = project(id, k);
     triangles_ += triangles(id, k);
     ++nodes_;
   }
@@ -124,6 +179,7 @@ void Adapter::take(uint32_t id) {
     --nodes_;
   }
   spot.k = -1;
+  if (queues_up_) changed_.push_back(id);
   --active_;
   if (node(id).parent >= 0) --spot_[static_cast<size_t>(node(id).parent)].children_on;
 }
@@ -133,11 +189,8 @@ void Adapter::resolve(uint32_t id, int k) {
   Spot& spot = spot_[id];
   if (spot.k == k) return;
   moves_.push_back({id, spot.k, false, {}});
-  if (spot.visible) {
-    triangles_ += triangles(id, k) - triangles(id, spot.k);
-    spot.rho = project(id, k);
-  }
-  spot.k = static_cast<int8_t>(k);
+  if (spot.visible) triangles_ += triangles(id, k) - triangles(id, spot.k);
+  set_resolution(id, k);
 }
 
 void Adapter::merge(uint32_t id, int k) {

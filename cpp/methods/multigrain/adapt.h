@@ -36,14 +36,20 @@ class Adapter {
     Projector::Place place;  ///< of this frame, when visible
     double rho = 0.0;        ///< projected own error at k, pixels; 0 when culled
     double theta = 0.0;      ///< trade(): pixels that the node and what it is split into may have
-    uint32_t seen = 0;       ///< the frame of `place` and `visible`
-    uint32_t split_in = 0;   ///< the trade that split it
-    int8_t k = -1;           ///< resolution; -1: not on the cut
-    int8_t merge_k = 0;      ///< resolution that a merge would give it
-    int8_t more = 0;         ///< visible nodes that a split adds
-    int8_t fewer = 0;        ///< visible nodes that a merge takes away
+    double saved_theta = 0.0;
+    int64_t saved = 0;  ///< by a split under `saved_theta` at `saved_k`, in frame `saved_in`
+    uint32_t seen = 0;  ///< the frame of `place` and `visible`
+    uint32_t saved_in = 0;
+    uint32_t split_in = 0;  ///< the trade that split it
+    int8_t k = -1;          ///< resolution; -1: not on the cut
+    int8_t stride = 0;      ///< log2, at k
+    int8_t saved_k = 0;
+    int8_t merge_k = 0;  ///< resolution that a merge would give it
+    int8_t more = 0;     ///< visible nodes that a split adds
+    int8_t fewer = 0;    ///< visible nodes that a merge takes away
     uint8_t children_on = 0;
-    bool visible = false, listed = false, owns = false;
+    bool visible = false, inside = false;  ///< its box seen, seen as a whole
+    bool listed = false, owns = false;
   };
   struct Move {  ///< as it was before
     uint32_t node;
@@ -71,11 +77,16 @@ class Adapter {
   bool roots_fit();
   const Node& node(uint32_t id) const { return forest_.node[id]; }
   Spot& look(uint32_t id);
-  int stride(uint32_t id) const { return forest_.stride_log2(node(id), spot_[id].k); }
+  int stride(uint32_t id) const { return spot_[id].stride; }
+  void set_resolution(uint32_t id, int k);
   double project(uint32_t id, int k) const;
   double allowed(uint32_t id, double pixels) const;
   int first_within(uint32_t id, double pixels);
   int64_t triangles(uint32_t id, int k) const { return forest_.at(node(id), k).triangles; }
+  uint32_t fewest(uint32_t id, int k) const {
+    return fewest_[node(id).first_resolution + static_cast<size_t>(k - node(id).least)];
+  }
+  void count_fewest();
   void put(uint32_t id, int k);
   void take(uint32_t id);
   void resolve(uint32_t id, int k);
@@ -89,6 +100,8 @@ class Adapter {
   // Splits against merges: adapt_dual.cpp
   void trade();
   bool pressed(uint32_t id, int k, double rho) const;
+  void weigh_split(uint32_t id);
+  int64_t fewest_below(uint32_t id, int k, double pixels);
   std::optional<Key> split_key(uint32_t id);
   std::optional<Key> merge_key(uint32_t id);
   void offer(uint32_t id);
@@ -101,7 +114,7 @@ class Adapter {
 
   // Resolutions against resolutions: adapt_quad.cpp
   void select_quad();
-  void fill_resolution_queues();
+  void bring_up_resolution_queues();
   void queue_resolution(uint32_t id);
   void step(uint32_t id, int k);
   bool balance();
@@ -124,11 +137,15 @@ class Adapter {
   Frame frame_;
   uint32_t frames_ = 0, trades_ = 0;
   std::vector<Spot> spot_;
+  std::vector<uint32_t> fewest_;         ///< beside Forest::resolution
   std::vector<uint32_t> cut_, scratch_;  ///< ids on the cut (and stale ones): sorted, then those added since
   size_t sorted_ = 0;
   int64_t triangles_ = 0, nodes_ = 0, active_ = 0;  ///< of visible nodes; visible; on the cut
   int64_t steps_ = 0;
   std::vector<Move> moves_;
+  std::vector<uint32_t>
+      changed_;  ///< while the resolution queues are up: nodes that they are to look at again
+  bool queues_up_ = false;
 
   Heap split_, merge_, refine_, coarsen_;
   bool local_ = false;  ///< trade(): every node's own error is its threshold, not the target

@@ -34,9 +34,16 @@ void Adapter::beside_coarser(uint32_t id, Visit&& visit) const {
   const int64_t x1 = std::min(x0 + side, wide), y1 = std::min(y0 + side, high);
   const int own = stride(id);
   const auto along = [&](Edge edge, int64_t block, int64_t other, int64_t count, int64_t pitch) {
+    uint32_t fine = kNone;  // strides only fall: what is no coarser stays so
     for (int64_t i = 0; i < count; ++i) {
-      const int coarse = stride(owner_[static_cast<size_t>(other + i * pitch)]);
-      if (coarse > own) visit(other + i * pitch, edge, block + i * pitch, coarse);
+      const uint32_t neighbour = owner_[static_cast<size_t>(other + i * pitch)];
+      if (neighbour == fine) continue;
+      const int coarse = stride(neighbour);
+      if (coarse > own) {
+        visit(other + i * pitch, edge, block + i * pitch, coarse);
+      } else {
+        fine = neighbour;
+      }
     }
   };
   const int64_t west = x0 > 0 ? x0 - 1 : layout.wraps ? wide - 1 : -1;

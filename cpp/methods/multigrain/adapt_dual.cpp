@@ -49,24 +49,57 @@ bool Adapter::pressed(uint32_t id, int k, double rho) const {
   return id == blocked_ || (k == n.most && rho >= level_ && forest_.stride_log2(n, k) > 0);
 }
 
-/// What a split saves; none when there is nothing to gain.
-std::optional<Key> Adapter::split_key(uint32_t id) {
-  Spot& spot = spot_[id];
+/// The fewest triangles for a node within so many pixels, as far as fewest() and the grandchildren tell.
+int64_t Adapter::fewest_below(uint32_t id, int k, double pixels) {
   const Node& n = node(id);
-  if (n.children == 0 || !spot.visible) return std::nullopt;
+  const int64_t all = fewest(id, k);
+  if (spot_[id].inside || n.children == 0) return all;
+  int64_t seen = 0;  // what the view leaves of it
+  for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
+    const int child_k = first_within(c, pixels);
+    if (spot_[c].visible) seen += fewest(c, child_k);
+  }
+  return std::min(all, seen);
+}
+
+/// What a split saves in triangles, and how many nodes it adds. Where all children need as fine a stride, the
+/// gain may lie below them, at the price of more nodes.
+void Adapter::weigh_split(uint32_t id) {
+  Spot& spot = spot_[id];
+  if (spot.saved_in == frames_ && spot.saved_theta == spot.theta && spot.saved_k == spot.k) return;
+  const Node& n = node(id);
   int64_t saved = triangles(id, spot.k);
   int more = -1;
-  for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
-    const int k = first_within(c, spot.theta);
-    if (!spot_[c].visible) continue;
-    saved -= triangles(c, k);
+  int8_t k[4];
+  for (uint32_t c = 0; c < n.children; ++c) {
+    k[c] = static_cast<int8_t>(first_within(n.first_child + c, spot.theta));
+    if (!spot_[n.first_child + c].visible) continue;
+    saved -= triangles(n.first_child + c, k[c]);
     ++more;
   }
-  const bool press = pressed(id, spot.k, spot.rho);
-  if (!press && saved <= 0) return std::nullopt;
+  if (saved <= 0) {
+    saved = triangles(id, spot.k);
+    for (uint32_t c = 0; c < n.children; ++c) {
+      if (spot_[n.first_child + c].visible) saved -= fewest_below(n.first_child + c, k[c], spot.theta);
+    }
+    saved /= 4;
+  }
+  spot.saved = saved;
   spot.more = static_cast<int8_t>(more);
-  const double free_first = more <= 0 ? 1e15 : 0.0;  // what needs no more nodes goes before what does
-  return Key{press ? spot.rho : 0.0, static_cast<double>(saved) + free_first};
+  spot.saved_in = frames_;
+  spot.saved_theta = spot.theta;
+  spot.saved_k = spot.k;
+}
+
+/// The place of a split in the queue; none when there is nothing to gain.
+std::optional<Key> Adapter::split_key(uint32_t id) {
+  const Spot& spot = spot_[id];
+  if (node(id).children == 0 || !spot.visible) return std::nullopt;
+  weigh_split(id);
+  const bool press = pressed(id, spot.k, spot.rho);
+  if (!press && spot.saved <= 0) return std::nullopt;
+  const double free_first = spot.more <= 0 ? 1e15 : 0.0;  // what needs no more nodes goes before what does
+  return Key{press ? spot.rho : 0.0, static_cast<double>(spot.saved) + free_first};
 }
 
 /// What a merge costs; none while a child is not on the cut, or when this trade has split the node.

@@ -41,19 +41,26 @@ void Adapter::select_quad() {
 void Adapter::queue_resolution(uint32_t id) {
   const Spot& spot = spot_[id];
   const Node& n = node(id);
-  if (spot.k < n.most) {
+  const bool there = spot.k >= 0 && spot.visible;
+  if (there && spot.k < n.most) {
     refine_.set(id, {spot.rho, 0.0});
   } else {
     refine_.erase(id);
   }
-  if (spot.k > n.least) {
+  if (there && spot.k > n.least) {
     coarsen_.set(id, {-project(id, spot.k - 1), 0.0});
   } else {
     coarsen_.erase(id);
   }
 }
 
-void Adapter::fill_resolution_queues() {
+/// Once a frame from the cut; from then on after the nodes that have changed.
+void Adapter::bring_up_resolution_queues() {
+  if (queues_up_) {
+    for (const uint32_t id : changed_) queue_resolution(id);
+    changed_.clear();
+    return;
+  }
   refine_.clear();
   coarsen_.clear();
   for (const uint32_t id : cut_) {
@@ -65,10 +72,13 @@ void Adapter::fill_resolution_queues() {
   }
   refine_.order();
   coarsen_.order();
+  changed_.clear();
+  queues_up_ = true;
 }
 
 void Adapter::step(uint32_t id, int k) {
   resolve(id, k);
+  changed_.pop_back();  // seen to here
   ++steps_;
   queue_resolution(id);
 }
@@ -78,7 +88,7 @@ void Adapter::step(uint32_t id, int k) {
 /// fails. Then `blocked_` is the node that failed. False: even the coarsest resolutions are too many
 /// triangles.
 bool Adapter::balance() {
-  fill_resolution_queues();
+  bring_up_resolution_queues();
   blocked_ = kNone;
   while (!coarsen_.empty() && (triangles_ > frame_.triangles || -coarsen_.key().first <= frame_.target)) {
     const uint32_t id = coarsen_.top();
@@ -116,7 +126,7 @@ bool Adapter::swap_for(uint32_t id) {
   const bool enough = triangles_ + more <= frame_.triangles;
   if (!enough) {
     undo(mark);
-    for (const uint32_t other : used_) queue_resolution(other);
+    bring_up_resolution_queues();
     steps_ -= static_cast<int64_t>(used_.size());
   }
   if (aside) queue_resolution(id);
@@ -126,12 +136,13 @@ bool Adapter::swap_for(uint32_t id) {
 /// What is left goes to the largest errors that it can still lower: no less than the largest of all, which
 /// stays, but the mean error does fall.
 void Adapter::spend() {
-  fill_resolution_queues();
+  bring_up_resolution_queues();
   while (!refine_.empty() && refine_.key().first > frame_.target) {
     const uint32_t id = refine_.top();
     const int64_t more = triangles(id, spot_[id].k + 1) - triangles(id, spot_[id].k);
     if (triangles_ + more <= frame_.triangles) {
       resolve(id, spot_[id].k + 1);
+      changed_.pop_back();
       queue_resolution(id);
     } else {
       refine_.pop();
