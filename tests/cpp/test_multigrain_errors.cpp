@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// multigrain's bounds against its own triangles, without GL: random cuts are stitched vertex by vertex as the GPU
-// does it, every triangle is compared with all samples in double, and nothing may exceed the bound of its node.
+// multigrain's bounds against its own triangles, without GL: random cuts are stitched vertex by vertex as the
+// GPU does it, every triangle is compared with all samples in double, and nothing may exceed the bound of its
+// node.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -42,7 +43,8 @@ struct Opened {
 
 Opened open(const Field& field, const OptionValues& options) {
   const testing::TemporaryFolder folder;
-  const auto store = build_store({field}, multigrain_method(), options, folder / "a.lod", BuildMode::kNew, {});
+  const auto store =
+      build_store({field}, multigrain_method(), options, folder / "a.lod", BuildMode::kNew, {});
   return {field, std::dynamic_pointer_cast<const Forest>(multigrain_method().open(store))};
 }
 
@@ -54,8 +56,8 @@ synthetic::Height rough(unsigned seed, double scale = 1.0) {
     const double noise = static_cast<double>(random() % 1000) / 1000.0;
     const double r = static_cast<double>(row), c = static_cast<double>(col);
     const double spike = random() % 97 == 0 ? 400.0 : 0.0;
-    return scale * (300.0 + 90.0 * std::sin(0.11 * r + 0.3 * seed) * std::cos(0.07 * c) + 15.0 * noise + spike +
-                    (col > 30 ? 60.0 : 0.0));
+    return scale * (300.0 + 90.0 * std::sin(0.11 * r + 0.3 * seed) * std::cos(0.07 * c) + 15.0 * noise +
+                    spike + (col > 30 ? 60.0 : 0.0));
   };
 }
 
@@ -94,8 +96,12 @@ class Surface {
     const multigrain::Layout& layout = forest_.layout;
     const Node& n = forest_.node[s.node];
     const int size = layout.node_log2(n.level), a = layout.stride_log2(n.level, s.k);
-    const multigrain::StitchField field{static_cast<int>(layout.last_col()), static_cast<int>(layout.last_row()),
-                                        static_cast<int>(layout.blocks_x()), layout.block_log2(), layout.wraps, layout.poles()};
+    const multigrain::StitchField field{static_cast<int>(layout.last_col()),
+                                        static_cast<int>(layout.last_row()),
+                                        static_cast<int>(layout.blocks_x()),
+                                        layout.block_log2(),
+                                        layout.wraps,
+                                        layout.poles()};
     const auto vertex = [&](int i, int j) {
       return multigrain::stitch({n.col, n.row, size, a}, i, j, field, [&](int x, int y) {
         return static_cast<int>(map[static_cast<size_t>(y * layout.blocks_x() + x)]);
@@ -261,7 +267,8 @@ void check_watertight(const Opened& opened, const std::vector<std::vector<Triang
 
 }  // namespace
 
-TEST_CASE("no triangle of any cut is farther from the samples than its node says, and the surface is closed") {
+TEST_CASE(
+    "no triangle of any cut is farther from the samples than its node says, and the surface is closed") {
   for (const Case& c : cases()) {
     CAPTURE(c.name);
     const Opened opened = open(c.field, c.options);
@@ -312,7 +319,8 @@ TEST_CASE("errors nest: a node's own under split and refinement, strips in both 
         for (uint32_t i = n.first_child; i < n.first_child + n.children; ++i) {
           const Node& child = forest.node[i];
           for (int l = child.least; l <= child.most; ++l) {
-            if (forest.stride_log2(child, l) <= forest.stride_log2(n, k)) CHECK(forest.at(child, l).error <= error);
+            if (forest.stride_log2(child, l) <= forest.stride_log2(n, k))
+              CHECK(forest.at(child, l).error <= error);
           }
         }
       }
@@ -331,7 +339,8 @@ TEST_CASE("errors nest: a node's own under split and refinement, strips in both 
           for (int a = 0; a < b; ++a) {
             CHECK(e.strip_error(block, edge, a, b) <= e.own_error(block, b));
             if (a > 0) CHECK(e.strip_error(block, edge, a - 1, b) <= e.strip_error(block, edge, a, b));
-            if (b + 1 < e.strides) CHECK(e.strip_error(block, edge, a, b) <= e.strip_error(block, edge, a, b + 1));
+            if (b + 1 < e.strides)
+              CHECK(e.strip_error(block, edge, a, b) <= e.strip_error(block, edge, a, b + 1));
           }
         }
       }
@@ -383,14 +392,16 @@ TEST_CASE("a block's errors are its own: the same in a larger field, with one th
       if (y + 1 < one.blocks_y() && x + 1 < one.blocks_x()) {
         const int64_t i = y * one.blocks_x() + x, j = y * two.blocks_x() + x;
         for (int s = 0; s < a.strides; ++s) CHECK(a.own_error(i, s) == b.own_error(j, s));
-        for (int edge = 0; edge < 4; ++edge) CHECK(a.strip_error(i, edge, 1, 3) == b.strip_error(j, edge, 1, 3));
+        for (int edge = 0; edge < 4; ++edge)
+          CHECK(a.strip_error(i, edge, 1, 3) == b.strip_error(j, edge, 1, 3));
       }
     }
   }
 }
 
 TEST_CASE("a plane has no error but rounding, level ground none at all") {
-  const Field plane = synthetic::field(synthetic::flat(70, 50), [](int64_t r, int64_t c) { return static_cast<double>(3 * r - 2 * c); });
+  const Field plane = synthetic::field(
+      synthetic::flat(70, 50), [](int64_t r, int64_t c) { return static_cast<double>(3 * r - 2 * c); });
   const Field level = synthetic::field(synthetic::flat(70, 50), [](int64_t, int64_t) { return 12.5; });
   const multigrain::Layout layout = multigrain::make_layout(*plane, 6, 3, 64);
   for (const float e : measure_errors(*plane, layout, multigrain::Bounds::kDrawn, {}).own) CHECK(e <= 1e-3f);
@@ -402,8 +413,8 @@ TEST_CASE("a plane has no error but rounding, level ground none at all") {
 }
 
 TEST_CASE("bilinear: a saddle fits exactly, though its triangles do not") {
-  const Field saddle =
-      synthetic::field(synthetic::flat(33, 33), [](int64_t r, int64_t c) { return static_cast<double>(r * c); });
+  const Field saddle = synthetic::field(synthetic::flat(33, 33),
+                                        [](int64_t r, int64_t c) { return static_cast<double>(r * c); });
   const multigrain::Layout layout = multigrain::make_layout(*saddle, 4, 2, 16);
   const auto paper = measure_errors(*saddle, layout, multigrain::Bounds::kBilinear, {});
   const auto drawn = measure_errors(*saddle, layout, multigrain::Bounds::kDrawn, {});
@@ -452,7 +463,8 @@ TEST_CASE("options that no layout can have are refused, and say what can") {
     return std::string("no error");
   };
   CHECK(testing::says(message({{"chart", int64_t{100}}}), "chart = 100 is not a power of two"));
-  CHECK(testing::says(message({{"node_resolution", int64_t{48}}}), "node_resolution = 48 is not a power of two"));
+  CHECK(testing::says(message({{"node_resolution", int64_t{48}}}),
+                      "node_resolution = 48 is not a power of two"));
   CHECK(testing::says(message(shape(512, 2, 64)), "limit is chart = 128"));
   const Field sphere = globe(65, 128, 32);
   CHECK_THROWS_AS(open(sphere, shape(128, 2, 64)), InvalidInput);
@@ -462,7 +474,8 @@ TEST_CASE("a build that was stopped goes on to the same store") {
   const Field field = flat(150, 170, 41);
   const testing::TemporaryFolder folder;
   const auto build = [&](const std::string& name, BuildMode mode, const Progress& progress) {
-    return build_store({field}, multigrain_method(), shape(64, 3, 16), folder / name, mode, progress)->content_hash();
+    return build_store({field}, multigrain_method(), shape(64, 3, 16), folder / name, mode, progress)
+        ->content_hash();
   };
   const std::string whole = build("a.lod", BuildMode::kNew, {});
   const auto stop = [](const std::string& stage, double share) {

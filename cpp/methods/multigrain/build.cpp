@@ -97,8 +97,7 @@ void ForestBuilder::fill(const std::vector<uint8_t>& finest) {
   nodes = make_nodes(layout);
   std::vector<Box> boxes(finest.size());
   parallel_for(static_cast<int64_t>(boxes.size()), 16, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i)
-      boxes[static_cast<size_t>(i)] = block_box(field, layout, errors, i);
+    for (int64_t i = begin; i < end; ++i) boxes[static_cast<size_t>(i)] = block_box(field, layout, errors, i);
   });
   for (Node& n : nodes) {
     Box box;
@@ -136,14 +135,15 @@ std::vector<int64_t> drawn_tiles(const Layout& layout, const Tiles& tiles, const
   return ids;
 }
 
-void put_tiles(const HeightField& field, const Tiles& tiles, const std::vector<int64_t>& ids, StoreWriter& writer,
-               const Progress& progress) {
+void put_tiles(const HeightField& field, const Tiles& tiles, const std::vector<int64_t>& ids,
+               StoreWriter& writer, const Progress& progress) {
   std::atomic<int64_t> done = 0;
   std::mutex mutex;
   parallel_for(static_cast<int64_t>(ids.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const int64_t id = ids[static_cast<size_t>(i)];
-      if (!writer.has_page(kHeights, id)) writer.put_page(kHeights, id, as_bytes(tiles.cut(field, tiles.at(id))));
+      if (!writer.has_page(kHeights, id))
+        writer.put_page(kHeights, id, as_bytes(tiles.cut(field, tiles.at(id))));
     }
     const int64_t so_far = done += end - begin;
     const std::lock_guard lock(mutex);

@@ -2,14 +2,14 @@
 // Error bounds, kept by block (layout.h), from which those of all nodes at all resolutions follow.
 //
 // `own[a]`: the largest distance, over the block's samples (its border included), between source and surface
-// drawn with stride 2^a whose edges are snapped to strides of at most 2^a: not at all, or from a finer stride.
-// `strip(edge, a, b)`, a < b: the same within the row of cells beside this edge, drawn with stride 2^a and
-// snapped along it to 2^b (to anything coarser than a and up to b), whatever the other edges do.
+// drawn with stride 2^a whose edges are snapped to strides of at most 2^a: not at all, or from a finer
+// stride. `strip(edge, a, b)`, a < b: the same within the row of cells beside this edge, drawn with stride
+// 2^a and snapped along it to 2^b (to anything coarser than a and up to b), whatever the other edges do.
 // Closures make them nest: both never grow when a becomes smaller, nor strip when b does;
 // strip(edge, a, b) <= own[b]. Edges with nothing across are never snapped: their strips are 0.
 //
-// Distances are those that the instrument measures: vertical in a flat field, along the ray from the centre on
-// a planet, at all samples, filled voids included. Strides beyond Layout::largest_stride_log2() are never
+// Distances are those that the instrument measures: vertical in a flat field, along the ray from the centre
+// on a planet, at all samples, filled voids included. Strides beyond Layout::largest_stride_log2() are never
 // drawn: their entries repeat it.
 #pragma once
 
@@ -23,9 +23,9 @@
 namespace lodlab::multigrain {
 
 struct BlockErrors {
-  int strides = 0;           ///< block_log2 + 1
-  std::vector<float> own;    ///< blocks x strides
-  std::vector<float> strips; ///< blocks x 4 edges x pairs (a < b), see pair()
+  int strides = 0;               ///< block_log2 + 1
+  std::vector<float> own;        ///< blocks x strides
+  std::vector<float> strips;     ///< blocks x 4 edges x pairs (a < b), see pair()
   std::vector<float> low, high;  ///< heights of each block's samples
 
   /// Pairs a < b of a block with these strides, counted row by row of b.
@@ -44,6 +44,7 @@ enum class Bounds {
 };
 
 /// In parallel over blocks; the same for any number of threads. Rounded up to float.
-BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bounds bounds, const Progress& progress);
+BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bounds bounds,
+                           const Progress& progress);
 
 }  // namespace lodlab::multigrain

@@ -50,10 +50,12 @@ void for_edges(const Layout& layout, const Node& n, const Visit& visit) {
 void check_linked(const Forest& f, const std::string& path) {
   for (size_t i = 0; i < f.node.size(); ++i) {
     const Node& n = f.node[i];
-    const bool linked = n.parent < static_cast<int32_t>(i) && n.level < f.layout.levels && n.least <= n.most &&
-                        n.first_resolution + size_t{n.most} - n.least < f.resolution.size() &&
-                        (n.children == 0 || (n.first_child > i && n.first_child + n.children <= f.node.size()));
-    if (!linked) throw StoreError("multigrain: node " + std::to_string(i) + " of " + path + " is not a forest's");
+    const bool linked =
+        n.parent < static_cast<int32_t>(i) && n.level < f.layout.levels && n.least <= n.most &&
+        n.first_resolution + size_t{n.most} - n.least < f.resolution.size() &&
+        (n.children == 0 || (n.first_child > i && n.first_child + n.children <= f.node.size()));
+    if (!linked)
+      throw StoreError("multigrain: node " + std::to_string(i) + " of " + path + " is not a forest's");
   }
 }
 
@@ -126,7 +128,8 @@ std::vector<NodeInfo> Forest::nodes() const {
     const Node& n = node[i];
     const Box box{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}};
     for (int k = n.least; k <= n.most; ++k) {
-      rows.push_back({static_cast<int64_t>(i), n.parent, n.level, k, at(n, k).triangles, stored_error(n, k), box});
+      rows.push_back(
+          {static_cast<int64_t>(i), n.parent, n.level, k, at(n, k).triangles, stored_error(n, k), box});
     }
   }
   return rows;
@@ -164,9 +167,7 @@ std::vector<float> Forest::tile(int64_t id) const {
   return heights;
 }
 
-Bytes Forest::coverage() const {
-  return store->has_page(kCoverage, 0) ? store->page(kCoverage, 0) : Bytes();
-}
+Bytes Forest::coverage() const { return store->has_page(kCoverage, 0) ? store->page(kCoverage, 0) : Bytes(); }
 
 double Forest::drawn_error(const Node& n, int k, const StrideMap& map) const {
   const int a = stride_log2(n, k);

@@ -17,7 +17,7 @@ struct Node {
   int32_t row, col;     ///< its first sample
   int32_t parent;       ///< -1: root
   uint32_t first_child;
-  uint32_t first_resolution;  ///< index of its coarsest Resolution
+  uint32_t first_resolution;             ///< index of its coarsest Resolution
   uint8_t children, level, least, most;  ///< resolutions least..most (cells a side: powers of two)
 };
 static_assert(sizeof(Node) == 72);  // a row of the array "nodes" of the store

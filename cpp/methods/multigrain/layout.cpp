@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Choosing a layout. By itself: about four by four charts, so that the roots of even the largest field are few
-// and small enough to be drawn at any time.
+// Choosing a layout. By itself: about four by four charts, so that the roots of even the largest field are
+// few and small enough to be drawn at any time.
 #include "methods/multigrain/layout.h"
 
 #include <bit>
@@ -29,10 +29,10 @@ bool is_pole(const FieldFrame& frame, int64_t row) {
   return frame.planet && std::abs(frame.latitude(row)) == 90.0;
 }
 
-/// log2 of the largest block of a planet. Two limits: no stride spans more than 90 degrees; and the great circle
-/// through two samples of one row is a row away from theirs at most where a finer
-/// neighbour's triangles have their tip after snapping, half a block and half a cell from the middle of their base,
-/// or they turn over: of a block of 2 m cells m (m + 1) dlon^2 / 4 radians away at most.
+/// log2 of the largest block of a planet. Two limits: no stride spans more than 90 degrees; and the great
+/// circle through two samples of one row is a row away from theirs at most where a finer neighbour's
+/// triangles have their tip after snapping, half a block and half a cell from the middle of their base, or
+/// they turn over: of a block of 2 m cells m (m + 1) dlon^2 / 4 radians away at most.
 int largest_block(const FieldFrame& frame) {
   const double quarter = 90.0 / std::max(frame.dlon, frame.dlat);
   const double dlat = frame.dlat * kRadiansPerDegree, dlon = frame.dlon * kRadiansPerDegree;

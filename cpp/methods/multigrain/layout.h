@@ -4,8 +4,8 @@
 // row or column is clamped onto it. A chart has a quadtree of `levels` levels; a node of level l and
 // resolution k is drawn as 2^k cells a side with a stride of 2^(node_log2(l) - k) samples.
 //
-// Invariant (the paper's restriction, section 7.4): no stride is larger than a node of the last level, so that
-// every corner of every node is a vertex of whatever lies beside it, and stitching never moves a corner.
+// Invariant (the paper's restriction, section 7.4): no stride is larger than a node of the last level, so
+// that every corner of every node is a vertex of whatever lies beside it, and stitching never moves a corner.
 #pragma once
 
 #include <algorithm>

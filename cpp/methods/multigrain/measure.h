@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Measuring one block (errors.h), flat or on a planet, before closures. A measurer holds scratch memory: one a
-// thread. `own` and `strips` are a block's rows of BlockErrors; entries that are not measured stay as they are.
+// Measuring one block (errors.h), flat or on a planet, before closures. A measurer holds scratch memory: one
+// a thread. `own` and `strips` are a block's rows of BlockErrors; entries that are not measured stay as they
+// are.
 #pragma once
 
 #include <memory>
@@ -12,8 +13,8 @@ namespace lodlab::multigrain {
 
 /// One block's place in the field.
 struct Block {
-  int64_t y, x;      ///< among blocks
-  int64_t row, col;  ///< its first sample
+  int64_t y, x;       ///< among blocks
+  int64_t row, col;   ///< its first sample
   int height, width;  ///< cells
 
   Block(const Layout& layout, int64_t index)

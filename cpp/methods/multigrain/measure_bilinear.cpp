@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The paper's measure (section 4): heights of the samples against bilinear interpolation of the grid's. No bound
-// for what is drawn: triangles have diagonals, and stitching shears those along the edges.
+// The paper's measure (section 4): heights of the samples against bilinear interpolation of the grid's. No
+// bound for what is drawn: triangles have diagonals, and stitching shears those along the edges.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -31,8 +31,7 @@ class BilinearMeasurer : public Measurer {
  private:
   double height(const Block& block, int x, int y) const {
     const int64_t row = block.row + y, col = block.col + x;
-    const bool pole =
-        (layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row());
+    const bool pole = (layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row());
     return field_.at(row, pole || col == field_.cols ? 0 : col);
   }
 

@@ -3,8 +3,8 @@
 // parallel to it, so that it is scanned row by row from the apex, in 32-bit floats about the middle height.
 //
 // A whole block is symmetric: its four quarters, turned so that their outer corners lie at (0, 0), are cut by
-// the same triangles, and so are the strips along its four edges, turned so that the edge is row 0. So four of
-// them are measured at once, one in each lane of a vector. Clamped blocks are measured lane by lane.
+// the same triangles, and so are the strips along its four edges, turned so that the edge is row 0. So four
+// of them are measured at once, one in each lane of a vector. Clamped blocks are measured lane by lane.
 #include <algorithm>
 #include <vector>
 
@@ -72,8 +72,8 @@ Lanes measure_triangle(const Samples<Lanes>& samples, const Triangle& t, Lanes w
   return worst;
 }
 
-/// All samples of a grid of `width` x `height` cells against its surface of this stride. `odd`: the first cell
-/// is cut the other way.
+/// All samples of a grid of `width` x `height` cells against its surface of this stride. `odd`: the first
+/// cell is cut the other way.
 template <class Lanes>
 Lanes measure_grid(const Samples<Lanes>& samples, int width, int height, int stride_log2, bool odd) {
   const int stride = 1 << stride_log2;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Errors of a block of a planet: along each sample's ray from the centre, against the plane of the triangle that
-// the ray meets. Two corners of equal latitude are joined by a great circle, which runs nearer to the pole than
-// their row: a triangle meets rays of rows beyond its own, and of other blocks. In double.
+// Errors of a block of a planet: along each sample's ray from the centre, against the plane of the triangle
+// that the ray meets. Two corners of equal latitude are joined by a great circle, which runs nearer to the
+// pole than their row: a triangle meets rays of rows beyond its own, and of other blocks. In double.
 //
-// A planet's last column of blocks may be clamped and yet have neighbours on both sides. With an odd number of
-// cells the diagonal of its corner cells misses the corner, or one cell has two snapped edges: there all pairs of
-// snapped edges are measured, and raise the strip of the coarser one.
+// A planet's last column of blocks may be clamped and yet have neighbours on both sides. With an odd number
+// of cells the diagonal of its corner cells misses the corner, or one cell has two snapped edges: there all
+// pairs of snapped edges are measured, and raise the strip of the coarser one.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -64,8 +64,8 @@ class PlanetMeasurer : public Measurer {
             Snaps snaps{a, a, a, a};
             snaps[kEast] = b;
             snaps[other] = c;
-            const float error = measure_cells(a, snaps, nx - 1, nx, other == kSouth ? ny - 1 : 0,
-                                              other == kNorth ? 1 : ny);
+            const float error =
+                measure_cells(a, snaps, nx - 1, nx, other == kSouth ? ny - 1 : 0, other == kNorth ? 1 : ny);
             raise(b >= c ? kEast : other, a, std::max(b, c), error);
           }
         }
@@ -204,10 +204,13 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   auto [top, bottom] = std::minmax({corners[0].row, corners[1].row, corners[2].row});
   // A great circle between two places south of a parallel stays south of the arc between two places on it.
   const double reach = half_cosine_[static_cast<size_t>(right - left)];
-  const double north = slope_[static_cast<size_t>(above_ + top)], south = -slope_[static_cast<size_t>(above_ + bottom)];
+  const double north = slope_[static_cast<size_t>(above_ + top)],
+               south = -slope_[static_cast<size_t>(above_ + bottom)];
   int first = top, last = bottom;
-  while (north > 0.0 && first > -above_ && slope_[static_cast<size_t>(above_ + first - 1)] * reach <= north) --first;
-  while (south > 0.0 && last < height_ + below_ && -slope_[static_cast<size_t>(above_ + last + 1)] * reach <= south)
+  while (north > 0.0 && first > -above_ && slope_[static_cast<size_t>(above_ + first - 1)] * reach <= north)
+    --first;
+  while (south > 0.0 && last < height_ + below_ &&
+         -slope_[static_cast<size_t>(above_ + last + 1)] * reach <= south)
     ++last;
   for (int row = first; row <= last; ++row)
     worst = std::max(worst, measure_row(row, left, right, edges, slack, normal, volume));

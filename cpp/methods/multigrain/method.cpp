@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// multigrain: a forest of quadtrees in which detail is chosen per node in two ways, by splitting it or by raising
-// the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched on the GPU.
-// Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture atlas, 2007.
+// multigrain: a forest of quadtrees in which detail is chosen per node in two ways, by splitting it or by
+// raising the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched
+// on the GPU. Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture
+// atlas, 2007.
 #include "methods/multigrain/adapt.h"
 #include "methods/multigrain/multigrain.h"
 
@@ -24,7 +25,8 @@ std::vector<OptionSpec> option_table() {
        int64_t{5},
        kBuild,
        "",
-       "Levels of each chart's quadtree, fewer where its smallest nodes would have less than two cells a side.",
+       "Levels of each chart's quadtree, fewer where its smallest nodes would have less than two cells a "
+       "side.",
        {},
        1,
        9},
@@ -60,7 +62,8 @@ std::vector<OptionSpec> option_table() {
        std::string("auto"),
        kDraw,
        "",
-       "How the cut is found: top-down, by dual queues, by the paper's quad-queue; auto: by what the budget limits.",
+       "How the cut is found: top-down, by dual queues, by the paper's quad-queue; auto: by what the budget "
+       "limits.",
        {"auto", "topdown", "dual", "quad"}},
   };
 }
@@ -68,12 +71,13 @@ std::vector<OptionSpec> option_table() {
 class Multigrain : public Method {
  public:
   const MethodInfo& info() const override {
-    static const MethodInfo kInfo{"multigrain",
-                                  "Forest of nodes at many resolutions, stitched on the GPU (Niski et al. 2007).",
-                                  {"heightfield", "planet"},
-                                  {"pixel_error", "triangles", "nodes"},
-                                  true,
-                                  option_table()};
+    static const MethodInfo kInfo{
+        "multigrain",
+        "Forest of nodes at many resolutions, stitched on the GPU (Niski et al. 2007).",
+        {"heightfield", "planet"},
+        {"pixel_error", "triangles", "nodes"},
+        true,
+        option_table()};
     return kInfo;
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,

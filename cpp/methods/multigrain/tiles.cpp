@@ -5,7 +5,8 @@ namespace lodlab::multigrain {
 
 Tiles::Tiles(const Layout& layout)
     : layout_(layout), side_log2_(std::min(layout.most_log2, layout.chart_log2)), first_{0} {
-  for (int a = 0; a <= layout.largest_stride_log2(); ++a) first_.push_back(first_.back() + across(a) * down(a));
+  for (int a = 0; a <= layout.largest_stride_log2(); ++a)
+    first_.push_back(first_.back() + across(a) * down(a));
 }
 
 Tile Tiles::at(int64_t id) const {
