@@ -42,14 +42,17 @@ void Adapter::count_fewest() {
     const Node& n = forest_.node[id];
     for (int k = n.least; k <= n.most; ++k) {
       const Resolution& own = forest_.at(n, k);
-      uint32_t below = n.children == 0 ? own.triangles : 0;
+      uint32_t below = 0;
+      bool reached = n.children > 0;
       for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
         const Node& child = node(c);
         int child_k = child.least;
         while (child_k < child.most && forest_.at(child, child_k).error > own.error) ++child_k;
         below += fewest(c, child_k);
+        reached = reached && forest_.at(child, child_k).error <= own.error;
       }
-      fewest_[n.first_resolution + static_cast<size_t>(k - n.least)] = std::min(own.triangles, below);
+      fewest_[n.first_resolution + static_cast<size_t>(k - n.least)] =
+          reached ? std::min(own.triangles, below) : own.triangles;
     }
   }
 }
@@ -240,14 +243,16 @@ void Adapter::list_cut() {
   sorted_ = cut_.size();
 }
 
-/// A node can be bettered when its error is above the target and it has a finer stride or children of one.
+/// What could be better: errors above the target of nodes with a finer resolution, or with children. Nodes
+/// that show every sample are left out of the quad-queue's score, where only strides count. Where a
+/// finest_error left out resolutions, coarse leaves count in mode 1: an ancestor may be finer.
 Adapter::Score Adapter::score() const {
   Score score{0.0, triangles_, active_};
   for (const uint32_t id : cut_) {
     const Spot& spot = spot_[id];
     if (spot.k < 0 || spot.rho <= std::max(frame_.target, score.worst)) continue;
-    const Node& n = node(id);
-    if (spot.k < n.most || (n.children > 0 && (!local_ || stride(id) > 0))) score.worst = spot.rho;
+    const bool below = node(id).children > 0, coarse = spot.stride > 0;
+    if (spot.k < node(id).most || (local_ ? below && coarse : below || coarse)) score.worst = spot.rho;
   }
   return score;
 }

@@ -74,24 +74,23 @@ bool Adapter::finer(uint32_t id, int wanted_stride) {
     return true;
   }
   // Children with the same stride are as many triangles, and those that are not beside can stay as they are.
-  const auto same = [&](uint32_t child) { return std::max<int>(node(child).least, spot_[id].k - 1); };
-  if (n.children > 0) {
-    int64_t more_nodes = spot.visible ? -1 : 0, more = spot.visible ? -triangles(id, spot.k) : 0;
+  const int own = spot.k - 1;
+  int64_t more_nodes = spot.visible ? -1 : 0, more = spot.visible ? -triangles(id, spot.k) : 0;
+  bool splits = n.children > 0;
+  for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
+    splits = splits && node(c).most >= own;
+    if (!splits || !look(c).visible) continue;
+    more += triangles(c, std::max<int>(node(c).least, own));
+    ++more_nodes;
+  }
+  if (splits && triangles_ + more <= frame_.triangles && nodes_ + more_nodes <= frame_.nodes) {
+    spot_[id].owns = false;
+    split(id, [&](uint32_t c) { return std::max<int>(node(c).least, own); });
     for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
-      if (!look(c).visible) continue;
-      more += triangles(c, same(c));
-      ++more_nodes;
+      own_blocks(c);
+      work_.push_back(c);
     }
-    if (triangles_ + more <= frame_.triangles && nodes_ + more_nodes <= frame_.nodes) {
-      const int own = spot.k;
-      spot_[id].owns = false;
-      split(id, [&](uint32_t c) { return std::max<int>(node(c).least, own - 1); });
-      for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
-        own_blocks(c);
-        work_.push_back(c);
-      }
-      return true;
-    }
+    return true;
   }
   if (k <= spot.k || triangles_ + triangles(id, k) - triangles(id, spot.k) > frame_.triangles) return false;
   resolve(id, k);

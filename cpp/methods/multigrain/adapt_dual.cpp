@@ -7,7 +7,8 @@
 // A node is pressed when its error is above what is wanted and only a split can lower it: pressed nodes are
 // split first, the worst first, whatever it costs.
 //
-// trade() ends: what it has split it does not merge again, so no node is split or merged more than twice.
+// trade() ends: what it has split it does not merge again, so that it merges and splits any node at most
+// once.
 #include <algorithm>
 
 #include "methods/multigrain/adapt.h"
@@ -17,6 +18,7 @@ namespace {
 
 /// A threshold that is a node's own error is met by that very error, whatever the rounding.
 constexpr double kHair = 1e-12;
+constexpr int64_t kNever = std::numeric_limits<int64_t>::min();
 
 }  // namespace
 
@@ -70,14 +72,19 @@ void Adapter::weigh_split(uint32_t id) {
   const Node& n = node(id);
   int64_t saved = triangles(id, spot.k);
   int more = -1;
+  bool worse = false;  // finest_error leaves nodes without the resolutions that their parents have
   int8_t k[4];
   for (uint32_t c = 0; c < n.children; ++c) {
     k[c] = static_cast<int8_t>(first_within(n.first_child + c, spot.theta));
     if (!spot_[n.first_child + c].visible) continue;
     saved -= triangles(n.first_child + c, k[c]);
     ++more;
+    worse = worse || (forest_.at(node(n.first_child + c), k[c]).error > forest_.at(n, spot.k).error &&
+                      project(n.first_child + c, k[c]) > spot.theta);
   }
-  if (saved <= 0) {
+  if (worse) {
+    saved = kNever;
+  } else if (saved <= 0) {
     saved = triangles(id, spot.k);
     for (uint32_t c = 0; c < n.children; ++c) {
       if (spot_[n.first_child + c].visible) saved -= fewest_below(n.first_child + c, k[c], spot.theta);
@@ -97,7 +104,7 @@ std::optional<Key> Adapter::split_key(uint32_t id) {
   if (node(id).children == 0 || !spot.visible) return std::nullopt;
   weigh_split(id);
   const bool press = pressed(id, spot.k, spot.rho);
-  if (!press && spot.saved <= 0) return std::nullopt;
+  if (spot.saved == kNever || (!press && spot.saved <= 0)) return std::nullopt;
   const double free_first = spot.more <= 0 ? 1e15 : 0.0;  // what needs no more nodes goes before what does
   return Key{press ? spot.rho : 0.0, static_cast<double>(spot.saved) + free_first};
 }
