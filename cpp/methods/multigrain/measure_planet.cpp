@@ -26,10 +26,42 @@ constexpr double kRounding = 1e-13;
 
 struct Vertex {
   int row, col;  ///< samples from the block's first
+  bool operator==(const Vertex&) const = default;
 };
 
 /// For each edge, log2 of the stride that it is snapped to.
 using Snaps = std::array<int, 4>;
+
+/// Four functions of the longitude along a row of samples, x cos + y sin + z: how far its ray is inside of a
+/// triangle's edges, and along the normal of the triangle's plane.
+struct Row {
+  double x[4], y[4], z[4];
+  double volume;  ///< normal times corner: the ray meets the plane at volume / along
+
+  void set(int i, const glm::dvec3& v, const glm::dvec2& lat, double slack) {
+    x[i] = lat.x * v.x;
+    y[i] = lat.x * v.y;
+    z[i] = lat.y * v.z + slack;
+  }
+};
+
+/// Largest distance between the plane and those of `count` samples whose rays meet the triangle.
+inline double row_error(const Row& row, const double* c, const double* s, const double* radii, int count) {
+  double worst = 0.0;
+#pragma omp simd reduction(max : worst)
+  for (int i = 0; i < count; ++i) {
+    const double w0 = row.x[0] * c[i] + row.y[0] * s[i] + row.z[0];
+    const double w1 = row.x[1] * c[i] + row.y[1] * s[i] + row.z[1];
+    const double w2 = row.x[2] * c[i] + row.y[2] * s[i] + row.z[2];
+    const double along = row.x[3] * c[i] + row.y[3] * s[i] + row.z[3];
+    double least = w0 < w1 ? w0 : w1;
+    least = least < w2 ? least : w2;
+    const double error = std::fabs(row.volume / along - radii[i]);
+    const double counted = least >= 0.0 ? error : 0.0;
+    worst = counted > worst ? counted : worst;
+  }
+  return worst;
+}
 
 class PlanetMeasurer : public Measurer {
  public:
@@ -163,8 +195,6 @@ class PlanetMeasurer : public Measurer {
   }
 
   void measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const;
-  double measure_row(int row, int from, int to, const glm::dvec3 (&edges)[3], const double (&slack)[3],
-                     const glm::dvec3& normal, double volume) const;
 
   const HeightField& field_;
   const Layout layout_;
@@ -181,6 +211,7 @@ class PlanetMeasurer : public Measurer {
 };
 
 void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const {
+  if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) return;
   glm::dvec3 p[3];
   int poles = 0;
   for (size_t i = 0; i < 3; ++i) {
@@ -199,7 +230,8 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
                                sign * glm::cross(p[0], u)};
   double slack[3];
-  for (int i = 0; i < 3; ++i) slack[i] = kOnEdge * glm::length(edges[i]);
+  for (int i = 0; i < 3; ++i)
+    slack[i] = kOnEdge * (std::abs(edges[i].x) + std::abs(edges[i].y) + std::abs(edges[i].z));
   const auto [left, right] = std::minmax({corners[0].col, corners[1].col, corners[2].col});
   auto [top, bottom] = std::minmax({corners[0].row, corners[1].row, corners[2].row});
   // A great circle between two places south of a parallel stays south of the arc between two places on it.
@@ -212,31 +244,17 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   while (south > 0.0 && last < height_ + below_ &&
          -slope_[static_cast<size_t>(above_ + last + 1)] * reach <= south)
     ++last;
-  for (int row = first; row <= last; ++row)
-    worst = std::max(worst, measure_row(row, left, right, edges, slack, normal, volume));
-}
-
-double PlanetMeasurer::measure_row(int row, int from, int to, const glm::dvec3 (&edges)[3],
-                                   const double (&slack)[3], const glm::dvec3& normal, double volume) const {
-  const auto line = static_cast<size_t>(above_ + row);
-  const glm::dvec2 lat = lat_[line];
-  const double *c = cosine_.data(), *s = sine_.data(), *radii = radius_.data() + line * cosine_.size();
-  const double x0 = lat.x * edges[0].x, y0 = lat.x * edges[0].y, z0 = lat.y * edges[0].z + slack[0];
-  const double x1 = lat.x * edges[1].x, y1 = lat.x * edges[1].y, z1 = lat.y * edges[1].z + slack[1];
-  const double x2 = lat.x * edges[2].x, y2 = lat.x * edges[2].y, z2 = lat.y * edges[2].z + slack[2];
-  const double xn = lat.x * normal.x, yn = lat.x * normal.y, zn = lat.y * normal.z;
-  double worst = 0.0;
-#pragma omp simd reduction(max : worst)
-  for (int i = from; i <= to; ++i) {
-    const double w0 = x0 * c[i] + y0 * s[i] + z0, w1 = x1 * c[i] + y1 * s[i] + z1;
-    const double w2 = x2 * c[i] + y2 * s[i] + z2;
-    double least = w0 < w1 ? w0 : w1;
-    least = least < w2 ? least : w2;
-    const double error = std::fabs(volume / (xn * c[i] + yn * s[i] + zn) - radii[i]);
-    const double counted = least >= 0.0 ? error : 0.0;
-    worst = counted > worst ? counted : worst;
+  const auto skip = static_cast<size_t>(left);
+  Row line{};
+  line.volume = volume;
+  for (int row = first; row <= last; ++row) {
+    const auto r = static_cast<size_t>(above_ + row);
+    for (int i = 0; i < 3; ++i) line.set(i, edges[i], lat_[r], slack[i]);
+    line.set(3, normal, lat_[r], 0.0);
+    const double error = row_error(line, cosine_.data() + skip, sine_.data() + skip,
+                                   radius_.data() + r * cosine_.size() + skip, right - left + 1);
+    worst = std::max(worst, error);
   }
-  return worst;
 }
 
 }  // namespace
