@@ -134,18 +134,25 @@ bool Adapter::swap_for(uint32_t id) {
 }
 
 /// What is left goes to the largest errors that it can still lower: no less than the largest of all, which
-/// stays, but the mean error does fall.
+/// stays, but the mean error does fall. What does not fit now will not fit later.
 void Adapter::spend() {
-  bring_up_resolution_queues();
-  while (!refine_.empty() && refine_.key().first > frame_.target) {
-    const uint32_t id = refine_.top();
-    const int64_t more = triangles(id, spot_[id].k + 1) - triangles(id, spot_[id].k);
-    if (triangles_ + more <= frame_.triangles) {
-      resolve(id, spot_[id].k + 1);
-      changed_.pop_back();
-      queue_resolution(id);
+  split_.clear();  // its queue is done
+  const auto affordable = [this](uint32_t id) {
+    const int k = spot_[id].k;
+    return k >= 0 && k < node(id).most && spot_[id].rho > frame_.target && spot_[id].visible &&
+           triangles_ + triangles(id, k + 1) - triangles(id, k) <= frame_.triangles;
+  };
+  for (const uint32_t id : cut_) {
+    if (affordable(id)) split_.append(id, {spot_[id].rho, 0.0});
+  }
+  split_.order();
+  while (!split_.empty()) {
+    const uint32_t id = split_.top();
+    if (affordable(id)) resolve(id, spot_[id].k + 1);
+    if (affordable(id)) {
+      split_.set(id, {spot_[id].rho, 0.0});
     } else {
-      refine_.pop();
+      split_.pop();
     }
   }
 }
