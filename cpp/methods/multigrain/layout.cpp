@@ -70,6 +70,7 @@ Layout choose_layout(const FieldFrame& frame, const Options& options) {
     chart = std::min(std::clamp(chart, kLeastChart, kMostChart), whole);
     chart = std::min(chart, std::clamp(block, 1, most_log2) + wanted - 1);
   }
+  if (chart == 0) throw InvalidInput("multigrain: option chart = 1 is below the limit of 2 cells a side");
   const int levels = std::min(wanted, chart);  // blocks of at least two cells
   const Layout layout = make_layout(frame, chart, levels, most_log2);
   const auto refuse = [&](const std::string& why, int limit) {
