@@ -389,10 +389,17 @@ TEST_CASE("the forest covers the field once at every level, and its tiles hold t
         const multigrain::Tile tile = tiles.at(id);
         const std::vector<float> heights = forest.tile(id);
         REQUIRE(static_cast<int64_t>(heights.size()) == tile.samples());
-        const int64_t row = std::min<int64_t>(n.row + (1 << size), layout.last_row());
-        const int64_t col = std::min<int64_t>(n.col + (1 << size), layout.last_col());
+        // The far corner of the node's grid.
+        const int64_t j =
+            ((n.row - tile.row) >> tile.stride_log2) + layout.cells_y(n.row, size, tile.stride_log2);
+        const int64_t i =
+            ((n.col - tile.col) >> tile.stride_log2) + layout.cells_x(n.col, size, tile.stride_log2);
+        REQUIRE(j < tile.rows);
+        REQUIRE(i < tile.cols);
+        const int64_t row = std::min<int64_t>(n.row + (int64_t{1} << size), layout.last_row());
+        const int64_t col = std::min<int64_t>(n.col + (int64_t{1} << size), layout.last_col());
         const bool pole = layout.pole_last && row == layout.last_row();
-        CHECK(heights[static_cast<size_t>(tile.offset(row, col))] ==
+        CHECK(heights[static_cast<size_t>(j * tile.cols + i)] ==
               c.field->at(row, pole || col == c.field->cols ? 0 : col));
       }
     }
