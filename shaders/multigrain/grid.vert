@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-// A vertex of a node's grid, stitched to coarser neighbours: its sample's height out of the node's tile.
+// A vertex of a node's grid, stitched to coarser neighbours. Its height comes as an attribute; only a vertex that
+// stitching moves looks up another one. Which vertex it is follows from its place in the tile (grids.h).
 #include "common/position.glsl"
 #include "common/surface_out.glsl"
 
-layout(location = 0) in uvec2 a_vertex;  // (i, j)
-layout(location = 1) in ivec4 a_place;   // first column and row; its height's index; heights a row of the tile
-layout(location = 2) in uvec2 a_tag;     // node; level << 16 | log2 of its side << 8 | log2 of its stride
+layout(location = 0) in float a_height;
+layout(location = 1) in ivec4 a_place;  // first column and row; index of its height; rows of the tile
+layout(location = 2) in uvec2 a_tag;    // node; level << 16 | log2 of its side << 8 | log2 of its stride
 
 layout(std430, binding = 3) readonly buffer Heights { float heights[]; };
 layout(std430, binding = 4) readonly buffer Strides { uint strides[]; };  // a byte a block
@@ -20,12 +21,24 @@ int stride_of(int block_x, int block_y) {
 
 #include "multigrain/stitch.h"
 
+const int kPitch = 17;  // heights a row of a strip: 16 cells
+
 void main() {
+  int vertex = gl_VertexID - a_place.z;
+  int line = int((float(vertex) + 0.5) * (1.0 / float(kPitch)));  // exact: vertices of a tile are few
+  int strip = int((float(line) + 0.5) / float(a_place.w));
+  int i = vertex - line * kPitch + (strip << 4), j = line - strip * a_place.w;
+
   StitchNode node = StitchNode(a_place.x, a_place.y, int(a_tag.y >> 8 & 255u), int(a_tag.y & 255u));
   StitchField field = StitchField(u_last.x, u_last.y, u_blocks.x, u_blocks.y, u_blocks.z, u_blocks.w);
-  StitchVertex at = stitch(node, int(a_vertex.x), int(a_vertex.y), field);
+  StitchVertex at = stitch(node, i, j, field);
   int a = node.stride_log2, up = (1 << a) - 1;  // a clamped vertex is the tile's last
-  float height = heights[a_place.z + ((at.row - node.row + up) >> a) * a_place.w + ((at.col - node.col + up) >> a)];
+  int to_i = (at.col - node.col + up) >> a, to_j = (at.row - node.row + up) >> a;
+  float height = a_height;
+  if (to_i != i || to_j != j) {
+    int to_strip = (max(to_i, 1) - 1) >> 4;  // the last column of one rather than the first of the next
+    height = heights[a_place.z + (to_strip * a_place.w + to_j) * kPitch + to_i - (to_strip << 4)];
+  }
   ivec2 cell = ivec2(at.col, at.row);
   emit_surface(surface_position(cell, height), surface_grid(cell), a_tag.x, a_tag.y >> 16, false);
 }

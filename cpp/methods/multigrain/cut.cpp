@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Cuts by hand, and the cuts that an audit draws.
+#include <algorithm>
+
 #include "base/errors.h"
 #include "methods/multigrain/session.h"
 
@@ -87,7 +89,7 @@ std::vector<Cut> MultigrainSession::audit_cuts() const {
       const Kind& kind = kinds[((node.row >> log2) + (node.col >> log2)) % 2];
       if (node.level != kind.level) continue;
       ids.push_back(static_cast<int64_t>(i));
-      resolutions.push_back(kind.resolution);
+      resolutions.push_back(std::min<int32_t>(kind.resolution, node.most));  // finest_error may have cut it short
     }
     out.push_back(cut(ids, resolutions));
   };

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Drawing: a frame is one multi-draw-indirect over its visible nodes. Grids are shared (grids.h); per-node data
-// are instanced attributes, found by base instance; heights lie in one buffer, tile by tile (tiles.h), and stay
-// there; a map of the strides drawn, a byte a block, tells each edge what lies beside it.
+// are instanced attributes, found by base instance. Heights lie in one buffer, tile by tile (tiles.h), and stay
+// there: it is both the vertex buffer and, for vertices that stitching moves, a storage buffer. A map of the
+// strides drawn, a byte a block, tells each edge what lies beside it.
 #include <epoxy/gl.h>
+
+#include <algorithm>
 
 #include "base/errors.h"
 #include "gl/buffer.h"
@@ -22,7 +25,7 @@ enum Binding : unsigned { kHeights = 3, kStrides = 4 };  // grid.vert
 /// Instanced attributes of one node (grid.vert).
 struct Instance {
   int32_t col, row;
-  int32_t height, pitch;  ///< index of its first height, heights a row of its tile
+  int32_t height, tile_rows;  ///< index of its first height
   uint32_t node, bits;    ///< level << 16 | side << 8 | stride
 };
 
@@ -40,49 +43,65 @@ void reserve(gl::Buffer& buffer, size_t bytes) {
   if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
 }
 
-/// Heights on the GPU: tiles in the order of their first use.
+/// Heights of a tile on the GPU: whole strips (grids.h).
+int64_t strip_heights(const Tile& tile) { return strips(tile.cols) * tile.rows * kStripPitch; }
+
+/// A tile's heights, row by row, put into strips. What lies past the last strip's end is never drawn.
+std::vector<float> in_strips(const Tile& tile, const std::vector<float>& rows) {
+  std::vector<float> out(static_cast<size_t>(strip_heights(tile)));
+  auto to = out.begin();
+  for (int64_t first = 0; first + 1 < tile.cols; first += kStrip) {
+    const int64_t count = std::min(kStripPitch, tile.cols - first);
+    for (int64_t j = 0; j < tile.rows; ++j, to += kStripPitch) {
+      std::copy_n(rows.begin() + (j * tile.cols + first), count, to);
+    }
+  }
+  return out;
+}
+
+/// Tiles in the order of their first use.
 class TileMemory {
  public:
   explicit TileMemory(const Forest& forest)
-      : tiles_(forest.layout), offsets_(static_cast<size_t>(tiles_.count()), -1), all_(tiles_.samples()) {
+      : tiles_(forest.layout), offsets_(static_cast<size_t>(tiles_.count()), -1) {
     GLint64 limit = 0;
     glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &limit);
     most_ = std::min<int64_t>(limit, bytes_of(INT32_MAX));
   }
 
-  /// Index of the height at a sample that is a vertex of this stride.
-  int64_t index(const Forest& forest, int stride_log2, const Node& node, render::Submitted& submitted) {
+  struct Place {
+    int64_t height;     ///< index of the height at the node's first sample
+    int64_t tile_rows;
+  };
+  /// Of a node drawn with this stride; brings its tile if need be.
+  Place place(const Forest& forest, const Node& node, int stride_log2, render::Submitted& submitted) {
     const int64_t id = tiles_.id(stride_log2, node.row, node.col);
-    int64_t& offset = offsets_[static_cast<size_t>(id)];
     const Tile tile = tiles_.at(id);
-    if (offset < 0) offset = add(forest, id, tile, submitted);
-    return offset + tile.offset(node.row, node.col);
-  }
-  int64_t pitch(int stride_log2, const Node& node) const {
-    return tiles_.at(tiles_.id(stride_log2, node.row, node.col)).cols;
+    int64_t& offset = offsets_[static_cast<size_t>(id)];
+    if (offset < 0) offset = add(in_strips(tile, forest.tile(id)), submitted);
+    const int64_t row = (node.row - tile.row) >> stride_log2, col = (node.col - tile.col) >> stride_log2;
+    return {offset + (col / kStrip * tile.rows + row) * kStripPitch + col % kStrip, tile.rows};
   }
   const gl::Buffer& heights() const { return heights_; }
 
  private:
-  int64_t add(const Forest& forest, int64_t id, const Tile& tile, render::Submitted& submitted) {
-    const int64_t offset = used_;
-    grow(offset + tile.samples());
-    const std::vector<float> heights = forest.tile(id);
+  int64_t add(const std::vector<float>& heights, render::Submitted& submitted) {
+    const int64_t offset = used_, bytes = bytes_of(static_cast<int64_t>(heights.size()));
+    grow(bytes_of(offset) + bytes);
     heights_.upload(bytes_of(offset), as_bytes(heights));
-    submitted.upload_bytes += bytes_of(tile.samples());
-    used_ += tile.samples();
+    submitted.upload_bytes += bytes;
+    used_ += static_cast<int64_t>(heights.size());
     return offset;
   }
 
-  void grow(int64_t samples) {
-    const int64_t needed = bytes_of(samples);
-    if (needed <= heights_.bytes()) return;
-    if (needed > most_) {
-      throw Unsupported("multigrain: " + std::to_string(needed) +
+  void grow(int64_t bytes) {
+    if (bytes <= heights_.bytes()) return;
+    if (bytes > most_) {
+      throw Unsupported("multigrain: " + std::to_string(bytes) +
                         " bytes of heights are above this device's limit of " + std::to_string(most_) +
                         " in one buffer");
     }
-    gl::Buffer larger(std::min({std::max(needed, 2 * heights_.bytes()), bytes_of(all_), most_}));
+    gl::Buffer larger(std::min(std::max(bytes, 2 * heights_.bytes()), most_));
     glCopyNamedBufferSubData(heights_.id(), larger.id(), 0, 0, static_cast<GLsizeiptr>(bytes_of(used_)));
     gl::check("glCopyNamedBufferSubData");
     heights_ = std::move(larger);
@@ -90,7 +109,7 @@ class TileMemory {
 
   Tiles tiles_;
   std::vector<int64_t> offsets_;  ///< -1: not there yet
-  int64_t all_, used_ = 0, most_;
+  int64_t used_ = 0, most_;       ///< heights; bytes
   gl::Buffer heights_{0};
 };
 
@@ -105,7 +124,7 @@ struct MultigrainSession::Gpu {
 
   explicit Gpu(const Forest& forest)
       : field(render::make_field_resources(forest.frame, forest.coverage())), tiles(forest) {
-    arrays.integers(0, 0, 2, GL_UNSIGNED_SHORT, 0);
+    arrays.floats(0, 0, 1, GL_FLOAT, 0);
     arrays.integers(1, 1, 4, GL_INT, 0);
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
@@ -120,7 +139,7 @@ struct MultigrainSession::Gpu {
   std::shared_ptr<const render::FieldResources> field;
   TileMemory tiles;
   Grids grids;
-  gl::Buffer vertices{0}, indices{0}, instances{0}, commands{0}, strides{0};
+  gl::Buffer indices{0}, instances{0}, commands{0}, strides{0};
   gl::VertexArray arrays;
   StrideMap map;
   std::vector<Instance> instance_data;
@@ -134,23 +153,24 @@ void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, re
   const int size = layout.node_log2(node.level);
   const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
   const int64_t last = node.row + (int64_t{1} << size);
-  const Grids::Range grid = grids.range({layout.cells_x(node.col, size, stride), layout.cells_y(node.row, size, stride),
-                                         layout.pole_first && node.row == 0,
-                                         layout.pole_last && last >= layout.last_row()});
+  const TileMemory::Place place = tiles.place(forest, node, stride, pass.submitted);
+  Shape shape{layout.cells_x(node.col, size, stride), layout.cells_y(node.row, size, stride), 0,
+              layout.pole_first && node.row == 0, layout.pole_last && last >= layout.last_row()};
+  if (shape.cells_x > kStrip) shape.tile_rows = place.tile_rows;
+  const Grids::Range grid = grids.range(shape);
   const int64_t triangles = grid.indices / 3;
   if (batches.empty() || batches.back().triangles + triangles > pass.batch_triangles()) {
     batches.push_back({command_data.size(), 0, 0});
   }
   ++batches.back().count;
   batches.back().triangles += triangles;
-  command_data.push_back({grid.indices, 1, grid.first_index, grid.base_vertex,
+  command_data.push_back({grid.indices, 1, grid.first_index, static_cast<int32_t>(place.height),
                           static_cast<uint32_t>(instance_data.size())});
-  const int64_t height = tiles.index(forest, stride, node, pass.submitted);
-  instance_data.push_back({node.col, node.row, static_cast<int32_t>(height),
-                           static_cast<int32_t>(tiles.pitch(stride, node)), picked.node,
+  instance_data.push_back({node.col, node.row, static_cast<int32_t>(place.height),
+                           static_cast<int32_t>(place.tile_rows), picked.node,
                            static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
   pass.submitted.triangles += triangles;
-  pass.submitted.vertices += grid.vertices;
+  pass.submitted.vertices += (shape.cells_x + 1) * (shape.cells_y + 1);
   ++pass.submitted.nodes;
 }
 
@@ -165,12 +185,11 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
   send(commands, as_bytes(command_data));
   send(strides, as_bytes(map));
   if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
-    vertices = gl::Buffer(grids.vertices());
     indices = gl::Buffer(grids.indices());
-    submitted.upload_bytes += vertices.bytes() + indices.bytes();
+    submitted.upload_bytes += indices.bytes();
     arrays.indices(indices);
   }
-  arrays.source(0, vertices, 0, sizeof(Grids::Vertex));
+  arrays.source(0, tiles.heights(), 0, sizeof(float));
   arrays.source(1, instances, 0, sizeof(Instance));
 }
 
@@ -213,7 +232,7 @@ int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
   int64_t sum = gpu.field->bytes() + gpu.tiles.heights().bytes();
-  for (const gl::Buffer* b : {&gpu.vertices, &gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
+  for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
     sum += b->bytes();
   }
   return sum;

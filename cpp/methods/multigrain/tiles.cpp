@@ -16,12 +16,6 @@ Tile Tiles::at(int64_t id) const {
   return {a, row, col, layout_.cells_y(row, log2, a) + 1, layout_.cells_x(col, log2, a) + 1};
 }
 
-int64_t Tiles::samples() const {
-  int64_t sum = 0;
-  for (int64_t i = 0; i < count(); ++i) sum += at(i).samples();
-  return sum;
-}
-
 std::vector<float> Tiles::cut(const HeightField& field, const Tile& tile) const {
   std::vector<float> out(static_cast<size_t>(tile.samples()));
   const int64_t last = std::min(tile.col + ((tile.cols - 1) << tile.stride_log2), layout_.last_col());

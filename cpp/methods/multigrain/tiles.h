@@ -19,13 +19,6 @@ struct Tile {
   int64_t rows, cols;  ///< of its own samples
 
   int64_t samples() const { return rows * cols; }
-  /// Where the vertex at this sample of the source lies in the tile: clamped ones are the last.
-  int64_t offset(int64_t at_row, int64_t at_col) const {
-    return past(at_row - row) * cols + past(at_col - col);
-  }
-
- private:
-  int64_t past(int64_t length) const { return (length + (int64_t{1} << stride_log2) - 1) >> stride_log2; }
 };
 
 class Tiles {
@@ -39,8 +32,6 @@ class Tiles {
     return first_[static_cast<size_t>(stride_log2)] + (row >> log2) * across(stride_log2) + (col >> log2);
   }
   Tile at(int64_t id) const;
-  /// Samples of all tiles together.
-  int64_t samples() const;
   /// The heights of a tile, row by row.
   std::vector<float> cut(const HeightField& field, const Tile& tile) const;
 
