@@ -8,8 +8,8 @@
 namespace lodlab::multigrain {
 namespace {
 
-/// Whether the nodes that are chosen (not 0) cover the source exactly once; InvalidInput says where they do not.
-/// Ids rise with the level: a node is covered when an ancestor is chosen.
+/// Whether the nodes that are chosen (not 0) cover the source exactly once; InvalidInput says where they do
+/// not. Ids rise with the level: a node is covered when an ancestor is chosen.
 void check_covers(const Forest& forest, const std::vector<uint8_t>& chosen) {
   std::vector<uint8_t> covered(chosen.size(), 0);
   for (size_t i = 0; i < chosen.size(); ++i) {
@@ -46,8 +46,7 @@ Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<in
     const int32_t k = resolutions.empty() ? node.most : resolutions[i];
     if (k < node.least || k > node.most) {
       throw InvalidInput("cut: resolution " + std::to_string(k) + " of node " + std::to_string(id) +
-                         " is not within " + std::to_string(node.least) + " to " +
-                         std::to_string(node.most));
+                         " is not within " + std::to_string(node.least) + " to " + std::to_string(node.most));
     }
     chosen[id] = static_cast<uint8_t>(k);
   }
@@ -61,17 +60,18 @@ Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<in
   for (size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i] == 0) continue;
     const Node& node = forest.node[i];
-    cut.nodes.push_back({static_cast<uint32_t>(i), chosen[i], 1.0f, true, false,
-                         forest.drawn_error(node, chosen[i], map)});
+    cut.nodes.push_back(
+        {static_cast<uint32_t>(i), chosen[i], 1.0f, true, false, forest.drawn_error(node, chosen[i], map)});
     cut.triangles += forest.at(node, chosen[i]).triangles;
     ++cut.visible_nodes;
   }
   return cut;
 }
 
-/// Every level at every resolution; each node at each resolution among larger strides: those of the last level
-/// among each other, all of them among the largest one that there is. Always both ways round, as on a chessboard:
-/// all four neighbours of a square are of the other kind, but where an odd number goes round a planet.
+/// Every level at every resolution; each node at each resolution among larger strides: those of the last
+/// level among each other, all of them among the largest one that there is. Always both ways round, as on a
+/// chessboard: all four neighbours of a square are of the other kind, but where an odd number goes round a
+/// planet.
 std::vector<Cut> MultigrainSession::audit_cuts() const {
   const Forest& forest = *forest_;
   const Layout& layout = forest.layout;
@@ -80,7 +80,7 @@ std::vector<Cut> MultigrainSession::audit_cuts() const {
     int level, resolution;
   };
   // Squares are the coarser level's nodes, all of the same size.
-  const auto add = [&](const Kind (&kinds)[2]) {
+  const auto add = [&](const Kind(&kinds)[2]) {
     const int log2 = layout.node_log2(std::min(kinds[0].level, kinds[1].level));
     std::vector<int64_t> ids;
     std::vector<int32_t> resolutions;
@@ -89,7 +89,8 @@ std::vector<Cut> MultigrainSession::audit_cuts() const {
       const Kind& kind = kinds[((node.row >> log2) + (node.col >> log2)) % 2];
       if (node.level != kind.level) continue;
       ids.push_back(static_cast<int64_t>(i));
-      resolutions.push_back(std::min<int32_t>(kind.resolution, node.most));  // finest_error may have cut it short
+      resolutions.push_back(
+          std::min<int32_t>(kind.resolution, node.most));  // finest_error may have cut it short
     }
     out.push_back(cut(ids, resolutions));
   };

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Drawing: a frame is one multi-draw-indirect over its visible nodes. Grids are shared (grids.h); per-node data
-// are instanced attributes, found by base instance. Heights lie in one buffer, tile by tile (tiles.h), and stay
-// there: it is both the vertex buffer and, for vertices that stitching moves, a storage buffer. A map of the
-// strides drawn, a byte a block, tells each edge what lies beside it.
+// Drawing: a frame is one multi-draw-indirect over its visible nodes. Grids are shared (grids.h); per-node
+// data are instanced attributes, found by base instance. Heights lie in one buffer, tile by tile (tiles.h),
+// and stay there: it is both the vertex buffer and, for vertices that stitching moves, a storage buffer. A
+// map of the strides drawn, a byte a block, tells each edge what lies beside it.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ enum Binding : unsigned { kHeights = 3, kStrides = 4 };  // grid.vert
 struct Instance {
   int32_t col, row;
   int32_t height, tile_rows;  ///< index of its first height
-  uint32_t node, bits;    ///< level << 16 | side << 8 | stride
+  uint32_t node, bits;        ///< level << 16 | side << 8 | stride
 };
 
 struct Command {  // DrawElementsIndirectCommand
@@ -70,7 +70,7 @@ class TileMemory {
   }
 
   struct Place {
-    int64_t height;     ///< index of the height at the node's first sample
+    int64_t height;  ///< index of the height at the node's first sample
     int64_t tile_rows;
   };
   /// Of a node drawn with this stride; brings its tile if need be.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Heights for drawing: for each stride 2^a that anything is drawn with, every 2^a-th sample, cut into tiles of
-// 2^side_log2 cells a side that share their border samples, so that the grid of any node lies in one tile. Tiles
-// are clamped like grids: what lies past the last row or column is not there, and the last ones are kept at every
-// stride. A planet's column last_col is column 0 again; all of a pole's row is its column 0.
+// Heights for drawing: for each stride 2^a that anything is drawn with, every 2^a-th sample, cut into tiles
+// of 2^side_log2 cells a side that share their border samples, so that the grid of any node lies in one tile.
+// Tiles are clamped like grids: what lies past the last row or column is not there, and the last ones are
+// kept at every stride. A planet's column last_col is column 0 again; all of a pole's row is its column 0.
 #pragma once
 
 #include <cstdint>
