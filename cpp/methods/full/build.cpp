@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The store of `full`: the heights as they are, the coverage mask, and the colour raster if one is given.
-#include <meshoptimizer.h>
-
 #include <atomic>
 #include <mutex>
 
@@ -9,6 +7,7 @@
 #include "base/parallel.h"
 #include "geometry/coverage.h"
 #include "imageio/image.h"
+#include "method/sample_code.h"
 #include "methods/full/full.h"
 
 namespace lodlab::full {
@@ -26,7 +25,7 @@ void put_rows(StoreWriter& writer, PageKind kind, const char* stage, const uint3
     for (int64_t page = begin; page < end; ++page) {
       const int64_t first = page * step, count = std::min(step, rows - first) * columns;
       if (!writer.has_page(kind, page))
-        writer.put_page(kind, page, encode_page(samples + first * columns, count));
+        writer.put_page(kind, page, encode_samples(samples + first * columns, count));
       const int64_t so_far = ++done;
       const std::lock_guard lock(mutex);
       if (progress) progress(stage, static_cast<double>(so_far) / static_cast<double>(pages));
@@ -67,22 +66,6 @@ int64_t rows_per_page(int64_t columns) { return std::max<int64_t>(1, kPageSample
 int64_t page_count(int64_t rows, int64_t columns) {
   const int64_t step = rows_per_page(columns);
   return (rows + step - 1) / step;
-}
-
-Bytes encode_page(const void* values, int64_t count) {
-  const auto size = static_cast<size_t>(count);
-  Bytes bytes(meshopt_encodeVertexBufferBound(size, 4));
-  bytes.resize(meshopt_encodeVertexBuffer(reinterpret_cast<unsigned char*>(bytes.data()), bytes.size(),
-                                          values, size, 4));
-  return bytes;
-}
-
-void decode_page(const Bytes& bytes, void* values, int64_t count) {
-  const auto* code = reinterpret_cast<const unsigned char*>(bytes.data());
-  if (meshopt_decodeVertexBuffer(values, static_cast<size_t>(count), 4, code, bytes.size()) != 0) {
-    throw StoreError("full: a page of " + std::to_string(bytes.size()) + " bytes does not decode to " +
-                     std::to_string(count) + " samples");
-  }
 }
 
 void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress) {

@@ -9,16 +9,12 @@
 
 namespace lodlab::full {
 
-/// Pages of a store. Heights and colours: blocks of rows (rows_per_page), encoded by encode_page.
+/// Pages of a store. Heights and colours: blocks of rows (rows_per_page), as method/sample_code.h has them.
 enum PageKind : int { kHeights = 0, kCoverage = 1, kColors = 2 };
 
 /// Rows of 4-byte samples in one page: about 256 KiB.
 int64_t rows_per_page(int64_t columns);
 int64_t page_count(int64_t rows, int64_t columns);
-
-/// Lossless code for `count` values of 4 bytes, and back. StoreError when the bytes are not such a code.
-Bytes encode_page(const void* values, int64_t count);
-void decode_page(const Bytes& bytes, void* values, int64_t count);
 
 /// Columns of vertices: one more than the samples where a planet's columns close round.
 inline int64_t vertex_columns(const FieldFrame& frame) { return frame.cols + (frame.wraps ? 1 : 0); }

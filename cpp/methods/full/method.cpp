@@ -5,6 +5,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "method/sample_code.h"
 #include "methods/full/full.h"
 
 namespace lodlab {
@@ -51,8 +52,8 @@ void read_rows(const Store& store, PageKind kind, void* samples, int64_t rows, i
   parallel_for(page_count(rows, columns), 1, [&](int64_t begin, int64_t end) {
     for (int64_t page = begin; page < end; ++page) {
       const int64_t first = page * step;
-      decode_page(store.page(kind, page), static_cast<uint32_t*>(samples) + first * columns,
-                  std::min(step, rows - first) * columns);
+      decode_samples(store.page(kind, page), static_cast<uint32_t*>(samples) + first * columns,
+                     std::min(step, rows - first) * columns);
     }
   });
 }

@@ -7,6 +7,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/coverage.h"
+#include "method/sample_code.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/tiles.h"
 
@@ -142,8 +143,9 @@ void put_tiles(const HeightField& field, const Tiles& tiles, const std::vector<i
   parallel_for(static_cast<int64_t>(ids.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const int64_t id = ids[static_cast<size_t>(i)];
-      if (!writer.has_page(kHeights, id))
-        writer.put_page(kHeights, id, as_bytes(tiles.cut(field, tiles.at(id))));
+      if (writer.has_page(kHeights, id)) continue;
+      const std::vector<float> heights = tiles.cut(field, tiles.at(id));
+      writer.put_page(kHeights, id, encode_samples(heights.data(), static_cast<int64_t>(heights.size())));
     }
     const int64_t so_far = done += end - begin;
     const std::lock_guard lock(mutex);

@@ -3,9 +3,9 @@
 #include "methods/multigrain/hierarchy.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "base/errors.h"
+#include "method/sample_code.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tiles.h"
@@ -155,15 +155,8 @@ std::unique_ptr<Session> Forest::session(const Options& draw_options) const {
 }
 
 std::vector<float> Forest::tile(int64_t id) const {
-  const Bytes page = store->page(kHeights, id);
-  const Tile tile = Tiles(layout).at(id);
-  std::vector<float> heights(static_cast<size_t>(tile.samples()));
-  if (page.size() != heights.size() * sizeof(float)) {
-    throw StoreError("multigrain: tile " + std::to_string(id) + " of " + store->path() + " has " +
-                     std::to_string(page.size()) + " bytes instead of " +
-                     std::to_string(heights.size() * sizeof(float)));
-  }
-  std::memcpy(heights.data(), page.data(), page.size());
+  std::vector<float> heights(static_cast<size_t>(Tiles(layout).at(id).samples()));
+  decode_samples(store->page(kHeights, id), heights.data(), static_cast<int64_t>(heights.size()));
   return heights;
 }
 

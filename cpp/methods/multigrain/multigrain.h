@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // multigrain: what its files give to one another, and the store.
 //   arrays: layout (chart_log2, levels, most_log2), nodes (Node), resolutions (Resolution), own and strips
-//   (BlockErrors); meta: bounds; pages: heights by tile (tiles.h), 4 bytes a sample, and the coverage mask.
+//   (BlockErrors); meta: bounds; pages: heights by tile (tiles.h; method/sample_code.h), and the coverage
+//   mask.
 #pragma once
 
 #include "base/options.h"
