@@ -176,25 +176,52 @@ TEST_CASE("no vertex of an edge moves onto a pole") {
   for (int c = 0; c < 60; ++c) check_drawn(opened, random_cut(opened, random));
 }
 
-TEST_CASE("the finest cut is full's picture, with its depth") {
-  for (const bool planet : {false, true}) {
-    const Field field =
-        synthetic::field(planet ? synthetic::planet(61, 120) : synthetic::flat(75, 98, 30.0), rough);
-    const Opened opened(multigrain_method(), field, {}), full(full_method(), field, {});
-    const auto picture = [&](const Opened& of) {
-      std::vector<int64_t> ids;
-      const std::vector<NodeInfo> nodes = of.hierarchy->nodes();
-      for (const NodeInfo& n : nodes) {
-        if (n.level == nodes.back().level && (ids.empty() || ids.back() != n.id)) ids.push_back(n.id);
-      }
-      const Cut cut = of.session->cut(ids, {});
-      return render::draw_picture(make_camera(over(*field)), render::Show::kShade,
-                                  [&](render::Pass& pass) { of.session->draw(cut, pass); });
-    };
-    const render::Picture drawn = picture(opened), reference = picture(full);
-    CHECK(drawn.depth == reference.depth);
-    CHECK(drawn.rgba == reference.rgba);
+/// All nodes of the last level at their finest.
+Cut finest(const Opened& opened) {
+  std::vector<int64_t> ids;
+  const std::vector<NodeInfo> nodes = opened.hierarchy->nodes();
+  for (const NodeInfo& n : nodes) {
+    if (n.level == nodes.back().level && (ids.empty() || ids.back() != n.id)) ids.push_back(n.id);
   }
+  return opened.session->cut(ids, {});
+}
+
+TEST_CASE("the finest cut is full's picture, with its depth and its holes") {
+  for (const bool planet : {false, true}) {
+    const FieldFrame frame = planet ? synthetic::planet(61, 120) : synthetic::flat(75, 98, 30.0);
+    std::vector<uint8_t> valid(static_cast<size_t>(frame.rows * frame.cols), 1);
+    for (size_t i = 0; i < valid.size(); i += 37) valid[i] = 0;
+    for (const bool holes : {false, true}) {
+      const Field field = synthetic::field(frame, rough, holes ? valid : std::vector<uint8_t>{});
+      const auto picture = [&](const Method& method) {
+        const Opened opened(method, field, {});
+        const Cut cut = finest(opened);
+        return render::draw_picture(make_camera(over(*field)), render::Show::kShade,
+                                    [&](render::Pass& pass) { opened.session->draw(cut, pass); });
+      };
+      const render::Picture drawn = picture(multigrain_method()), reference = picture(full_method());
+      CHECK(drawn.depth == reference.depth);
+      CHECK(drawn.rgba == reference.rgba);
+    }
+  }
+}
+
+TEST_CASE("a capture of millions of triangles comes in batches, a picture in one call") {
+  const auto flat = [](int64_t, int64_t) { return 1.0; };
+  const Opened opened(multigrain_method(), synthetic::field(synthetic::flat(1101, 1101), flat), {});
+  const Cut cut = finest(opened);
+  CHECK(cut.triangles == 2 * 1100 * 1100);
+  render::Submitted submitted;
+  const auto draw = [&](render::Pass& pass) {
+    opened.session->draw(cut, pass);
+    submitted = pass.submitted;
+  };
+  const Camera camera = make_camera(over(*opened.field));
+  CHECK(render::capture(camera, draw, true).triangles() == cut.triangles);
+  CHECK(submitted.draw_calls == 2);
+  CHECK(submitted.triangles == cut.triangles);
+  render::draw_picture(camera, render::Show::kShade, draw);
+  CHECK(submitted.draw_calls == 1);
 }
 
 TEST_CASE("cuts by hand are refused with the reason") {
