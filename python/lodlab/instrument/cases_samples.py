@@ -135,6 +135,8 @@ def _near_plane() -> list[Case]:
     ]
     # The other way about: the sample itself is nearer than the near plane, so it is not inside the frustum.
     cases.append(_bump("spike of the source past the eye", (8.0, 0.0), 150.0, view, 0.0))
+    beside = from_above((-0.25, 0.0, 100.0), near=1.0)
+    cases.append(_bump("spike of the source within the near plane", (0.0, 0.0), 99.5, beside, 0.0))
     return cases
 
 
@@ -223,6 +225,17 @@ def _curved() -> Case:
         from_above((0.0, 0.0, 256.0)),
         {"measured_max": 1.0, "measured_rms": math.sqrt(8.0 * (1.0 + 2.0 * 0.75**2) / 33.0)},
     )
+
+
+def _layers() -> list[Case]:
+    # Two surfaces over every sample, 2 m too high and 3 m too low: the worse one counts, drawn first or last.
+    high, low = square(128.0, 4, 2.0), square(128.0, 4, -3.0)
+    view = level((0.0, -192.0, 16.0))
+    values = {"measured_max": 3.0, "measured_rms": 3.0, "measured_px_max": K * 3.0 / 64.0}
+    return [
+        Case("two layers, the better one last", PLANE, (low, high), view, values),
+        Case("two layers, the worse one last", PLANE, (high, low), view, values),
+    ]
 
 
 def _half_pixel() -> Case:
@@ -318,6 +331,7 @@ def sample_cases() -> list[Case]:
         *_slopes(),
         _curved(),
         _half_pixel(),
+        *_layers(),
         *_holes(),
         *_predictions(),
     ]
