@@ -382,6 +382,15 @@ TEST_CASE("surfaces that are everywhere about as far as they can be end in bound
   CHECK(a.measured_max_drawn_to_source == Approx(apothem).epsilon(kMaxTolerance));
 }
 
+TEST_CASE("a maximum that takes too long to find is refused with its bounds") {
+  const Mesh from = weld(grid(0, 1, 0, 1, 3), {}), to = weld(grid(0, 1, 0, 1, 20, 0.0, true), {});
+  const MeshSurface surface(to);
+  const auto vertices = closest_to_vertices(from, surface);
+  CHECK(surface_distance(from, vertices, surface, 1.0, 100'000).max <= 1e-8);
+  CHECK_THROWS_WITH_AS(surface_distance(from, vertices, surface, 1.0, 100),
+                       doctest::Contains("after 100 pieces"), Unsupported);
+}
+
 TEST_CASE("any number of threads gives the same figures, bit for bit") {
   const Soup source = random_soup(300, 11), drawn = random_soup(150, 12);
   const Camera camera = from_above();
