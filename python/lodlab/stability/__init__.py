@@ -97,6 +97,7 @@ def run(
     ]
     worst: dict[tuple[str, str], float] = {}
     benches: dict[str, Bench] = {}
+    _write(folder, rows)
     for part in _steps(list(_parts(wanted, names, short)), progress):
         if part.source not in benches:
             benches.clear()  # one source at a time: its references and stores fill memory
@@ -150,7 +151,7 @@ def _parts(scenes: Sequence[str], names: Sequence[str], short: bool) -> Iterator
             if source not in played[scene.name, method]:
                 continue
             yield Part(scene, method, source, {})
-            if scene.variants and not short:
+            if scene.variants and not short and source == played[scene.name, method][0]:
                 yield from (Part(scene, method, source, options) for options in rules.variants(method))
 
 

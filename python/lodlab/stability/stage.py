@@ -74,7 +74,7 @@ class Scene:
     play: Callable[[Stage], Iterator[Figure]]
     long: tuple[str, ...]
     short: tuple[str, ...]
-    variants: bool = False  # the long form also plays every choice of the method's draw options
+    variants: bool = False  # the long form also plays every choice of draw options, on the first source
 
 
 class Bench:
@@ -223,17 +223,21 @@ class Stage:
         """The cut that a frame of a run draws: selected and submitted, nothing read back."""
         return Cut(session.core.time_frame(view, budget, True)[0], session)
 
-    def examine(self, session: Session, cut: Cut, view: _core.View, before: Cut | None = None) -> Any:
-        """The instrument's `Measurement` of a drawn cut; `before`: the cut of the frame before, for pops."""
+    def examine(
+        self, session: Session, cut: Cut, view: _core.View, before: Cut | None = None, pictures: bool = True
+    ) -> Any:
+        """The instrument's `Measurement` of a drawn cut; `before`: the cut of the frame before, for pops.
+
+        Without `pictures`, figures that need a pass over the source at full resolution are nan: much cheaper.
+        """
         yardstick = self.bench.yardstick
+        reference = yardstick.reference(view) if pictures else None
         earlier = None if before is None else before.core
-        return yardstick.instrument().examine(
-            session.core, cut.core, view, yardstick.reference(view), yardstick.pictures, earlier
-        )
+        return yardstick.instrument().examine(session.core, cut.core, view, reference, reference is not None, earlier)
 
     def excess(self, session: Session, cut: Cut, view: _core.View) -> float:
         """How far the worst node of a cut lies beyond its bound as drawn and the slack, metres; negative: within."""
-        nodes, errors = self.examine(session, cut, view).node_errors()
+        nodes, errors = self.examine(session, cut, view, pictures=False).node_errors()
         bounds = np.full(int(self.tree.ids.max()) + 1, np.nan)
         bounds[cut.nodes["node"]] = cut.nodes["error"]
         return float(np.max(errors - bounds[nodes])) - self.bench.yardstick.instrument().slack(view)

@@ -152,7 +152,7 @@ def bounds_hold(stage: Stage) -> Iterator[Figure]:
     for view in views:
         for pixels in (0.5, 2.0, 8.0):
             cut = session.select(view, stage.pixel_error(pixels))
-            row = stage.examine(session, cut, view)
+            row = stage.examine(session, cut, view, pictures=False)
             over = row.measured_px_max - cut.predicted_px - stage.pixel_slack(view)
             screen.see(math.inf if row.hole_samples else over, stage.picture(session, cut, view))
     random = np.random.default_rng(10)
@@ -188,7 +188,8 @@ def voids(stage: Stage) -> Iterator[Figure]:
     session = stage.session()
     low, high = stage.box
     outline, bad = Worst(), Worst()
-    for view in (stage.over(), stage.over(height=1.5), stage.over(height=0.8, fov=90.0)):
+    views = [stage.over(), stage.over(height=0.8, fov=90.0), stage.over(height=1.5)]
+    for view in views[: 2 if stage.short else 3]:
         for pixels in (1e-3, 1.0, 1e6):
             cut = session.select(view, stage.pixel_error(pixels))
             row = stage.examine(session, cut, view)
@@ -243,7 +244,7 @@ def sizes(stage: Stage) -> Iterator[Figure]:
             row.hole_samples + zero_if_unseen(row.crack_pixels) + zero_if_unseen(row.capture_mismatch_pixels), draw
         )
         if pixels < 1e-3 and stage.table["reproduces_source"]:
-            exact = stage.examine(session, stage.tree.finest(session), view).measured_max
+            exact = stage.examine(session, stage.tree.finest(session), view, pictures=False).measured_max
             beyond.see(exact - quantum - stage.bench.yardstick.instrument().slack(view), draw)
     yield beyond.figure("error beyond bound and slack", "m", 0)
     yield torn.figure("holes, cracks, pixels not as captured", "pixels, samples", 0)
