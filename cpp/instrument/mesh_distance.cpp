@@ -14,9 +14,13 @@ namespace lodlab::instrument {
 namespace {
 
 /// Rounds of cuts take turns: along an edge, where two are equally far, along an edge, halving the longest
-/// edge. The last makes pieces shrink whatever the others do. One surface cut into other triangles takes 10
-/// pieces a triangle so, and 40 without the cuts along edges; with these alone some valleys never end.
+/// edge. The last makes pieces shrink whatever the others do. One surface cut into other triangles takes
+/// about 10 pieces a triangle so, and 40 without the cuts along edges.
 constexpr int kHalveEvery = 4;
+
+/// A cut closer than this to a corner, as a share of the edge, goes through it: rounding would peel off
+/// slivers without end. What it leaves over an edge is far below kLeastShare.
+constexpr double kSnap = 1e-10;
 
 /// One result a block of [0, count); at least 64 blocks where there is work for them.
 template <class Result, class Body>
@@ -109,7 +113,7 @@ class Measurer {
  private:
   Corner corner(const glm::dvec3& at, uint32_t hint) const;
   void try_bound(Piece& piece, uint32_t triangle) const;
-  glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const;
+  double crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const;
   template <class Crossing>
   bool cut_off(const Piece& piece, const std::array<double, 3>& values, std::array<uint32_t, 2> others,
                double lower, const Crossing& crossing, Found& found) const;
@@ -179,16 +183,16 @@ void Measurer::keep(const std::array<Corner, 3>& corners, std::array<uint32_t, 2
   if (exceeds(piece.upper, lower)) found.open.push_back(piece);
 }
 
-/// Where between two points, of which one is closer to a and the other to b, both are equally far: regula
-/// falsi, Illinois' way. Need not be exact.
-glm::dvec3 Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const {
+/// The share of the way between two points, of which one is closer to a and the other to b, at which both are
+/// equally far: regula falsi, Illinois' way. Need not be exact.
+double Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const {
   const auto difference = [&](const glm::dvec3& at) { return distance(at, a) - distance(at, b); };
   double lo = 0.0, hi = 1.0, at_lo = difference(from), at_hi = difference(to);
   int last = 0;
   for (int step = 0; step < 40 && at_lo != at_hi; ++step) {
     const double middle = std::clamp(lo - at_lo * (hi - lo) / (at_hi - at_lo), lo, hi);
     const double value = difference(glm::mix(from, to, middle));
-    if (value == 0.0 || middle == lo || middle == hi) return glm::mix(from, to, middle);
+    if (value == 0.0 || middle == lo || middle == hi) return middle;
     if ((value > 0.0) == (at_hi > 0.0)) {
       hi = middle, at_hi = value;
       if (last == 1) at_lo *= 0.5;
@@ -199,11 +203,12 @@ glm::dvec3 Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint
       last = -1;
     }
   }
-  return glm::mix(from, to, 0.5 * (lo + hi));
+  return 0.5 * (lo + hi);
 }
 
-/// Cuts off the corner that alone has a positive value, or alone has none; `crossing` gives the place of the
-/// cut between two corners. False when there is none, or when the cut would leave the piece as it is.
+/// Cuts off the corner that alone has a positive value, or alone has none; `crossing` gives where between
+/// two corners to cut, as a share of the way. False when there is none, or when the cut would leave the piece
+/// as it is.
 template <class Crossing>
 bool Measurer::cut_off(const Piece& piece, const std::array<double, 3>& values,
                        std::array<uint32_t, 2> others, double lower, const Crossing& crossing,
@@ -215,14 +220,20 @@ bool Measurer::cut_off(const Piece& piece, const std::array<double, 3>& values,
   while (positive(lone) != (count == 1)) ++lone;
   const size_t next = (lone + 1) % 3, last = (lone + 2) % 3;
   const Corner &tip = piece.corners[lone], &p = piece.corners[next], &q = piece.corners[last];
-  const glm::dvec3 at_p = crossing(lone, next), at_q = crossing(lone, last);
+  const auto place = [&](size_t to) {
+    const double share = crossing(lone, to);
+    if (share < kSnap) return tip.at;
+    return share > 1.0 - kSnap ? piece.corners[to].at : glm::mix(tip.at, piece.corners[to].at, share);
+  };
+  const glm::dvec3 at_p = place(next), at_q = place(last);
   if (at_p == tip.at || at_q == tip.at || (at_p == p.at && at_q == q.at)) return false;
   const Corner on_p = corner(at_p, others[0]), on_q = corner(at_q, others[0]);
   found.attain(on_p, piece.upper);
   found.attain(on_q, piece.upper);
   keep({tip, on_p, on_q}, others, lower, found);
-  if (at_p != p.at) keep({p, on_q, on_p}, others, lower, found);
-  if (at_q != q.at) keep({p, q, on_q}, others, lower, found);
+  const bool from_p = glm::distance(p.at, at_q) <= glm::distance(q.at, at_p);  // the shorter diagonal
+  if (at_p != p.at) keep({p, from_p ? on_q : q, on_p}, others, lower, found);
+  if (at_q != q.at) keep({q, on_q, from_p ? p : on_p}, others, lower, found);
   return true;
 }
 
@@ -240,9 +251,7 @@ bool Measurer::cut_along_edge(const Piece& piece, const Corner& worst, double lo
     farthest = beyond;
     for (size_t k = 0; k < 3; ++k) values[k] = glm::dot(piece.corners[k].at - t[i], out);
   }
-  const auto crossing = [&](size_t from, size_t to) {
-    return glm::mix(piece.corners[from].at, piece.corners[to].at, values[from] / (values[from] - values[to]));
-  };
+  const auto crossing = [&](size_t from, size_t to) { return values[from] / (values[from] - values[to]); };
   return farthest > 0.0 && cut_off(piece, values, {piece.best, worst.closest}, lower, crossing, found);
 }
 
