@@ -18,6 +18,10 @@ namespace {
 /// about 10 pieces a triangle so, and 40 without the cuts along edges.
 constexpr int kHalveEvery = 4;
 
+/// Parts of this size, as a share of their distance, see it change little: no smaller ones are integrated
+/// over.
+constexpr double kSmallPart = 0.1;
+
 /// A cut closer than this to a corner, as a share of the edge, goes through it: rounding would peel off
 /// slivers without end. What it leaves over an edge is far below kLeastShare.
 constexpr double kSnap = 1e-10;
@@ -358,7 +362,13 @@ SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& a
     if (measurer.exceeds(piece.upper, lower)) found.open.push_back(piece);
     const double own = area(triangle);
     if (own == 0.0 || piece.upper == 0.0) return;  // a triangle that lies in one of the target's adds nothing
-    const int64_t parts = std::max<int64_t>(1, std::llround(std::sqrt(own / share)));
+    double nearest = piece.corners[0].distance, longest = 0.0;
+    for (size_t k = 0; k < 3; ++k) {
+      nearest = std::min(nearest, piece.corners[k].distance);
+      longest = std::max(longest, glm::distance(triangle[k], triangle[(k + 1) % 3]));
+    }
+    const double wanted = std::min(std::sqrt(own / share), 1.0 + longest / (kSmallPart * nearest));
+    const int64_t parts = std::max<int64_t>(1, std::llround(wanted));
     measurer.integrate(triangle, parts, piece, found);
   });
   double squares = 0.0;
