@@ -25,6 +25,7 @@ FINE = NODES * 480  # triangles of all nodes at full resolution, those that vani
 # - pop: pop_px_max says how far, pop_area how much of the picture, of the same jump.
 # - hole: its rim has edges without a partner (no surface without such edges leaves a sample out); through it the
 #   picture shows what is behind; a sample in it is infinitely far from the surface, in the frame and in the audit.
+# - disguise: filler that is to be seen before the surface is above it; filler below is slanted and no more.
 # - nothing: one hole, without a rim.
 EXPECTED: dict[str, tuple[str, ...]] = {
     "honest": (),
@@ -40,10 +41,12 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "inverted": ("winding",),
     "two_faced": ("capture",),
     "two_faced_whole": ("capture",),
-    "disguise": ("fillers",),
+    "disguise": ("fillers", "raised"),
+    "wall": ("raised",),
+    "under_reports": ("counts",),
     "nothing": ("holes", "crack_pixels", "error", "audit"),
 }
-GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0}
+GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0, "wall": 5.0}
 
 
 @pytest.fixture(scope="module", autouse=True)
