@@ -2,8 +2,10 @@
 #include "instrument/fillers.h"
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <cmath>
+#include <mutex>
+#include <set>
 
 #include "base/parallel.h"
 #include "geometry/angles.h"
@@ -11,6 +13,12 @@
 
 namespace lodlab::instrument {
 namespace {
+
+using Place = std::array<float, 3>;
+
+Place place_of(const render::CapturedVertex& v) { return {v.x, v.y, v.z}; }
+
+bool is_filler(const render::CapturedVertex* v) { return ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0; }
 
 constexpr double kOnSample = 1e-6;  ///< cells: the rounding of coordinates in double
 
@@ -57,19 +65,40 @@ bool raised(const HeightField& field, const SampleGrid& grid, const DrawnSurface
 
 int64_t raised_fillers(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
                        const render::Captured& captured) {
-  std::atomic<int64_t> count = 0;
+  struct High {
+    int64_t triangle;
+    Place vertex;
+  };
+  std::vector<High> high;
+  std::mutex mutex;
   parallel_for(captured.triangles(), 16384, [&](int64_t begin, int64_t end) {
-    int64_t here = 0;
     for (int64_t t = begin; t < end; ++t) {
       const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * t)];
-      if (((v[0].bits | v[1].bits | v[2].bits) & 1u) == 0) continue;
-      here += std::any_of(v, v + 3, [&](const render::CapturedVertex& corner) {
-        return raised(field, grid, surface, {corner.x, corner.y, corner.z}, captured.eye);
-      });
+      if (!is_filler(v)) continue;
+      for (int i = 0; i < 3; ++i) {
+        if (!raised(field, grid, surface, {v[i].x, v[i].y, v[i].z}, captured.eye)) continue;
+        const std::lock_guard lock(mutex);
+        high.push_back({t, place_of(v[i])});
+      }
     }
-    count += here;
   });
-  return count;
+  if (high.empty()) return 0;
+  std::set<Place> shared;  // with the surface, which may peak between samples
+  for (const High& h : high) shared.insert(h.vertex);
+  std::set<Place> found;
+  for (size_t i = 0; i < captured.vertices.size(); i += 3) {
+    const render::CapturedVertex* v = &captured.vertices[i];
+    const Place corner[3] = {place_of(v[0]), place_of(v[1]), place_of(v[2])};
+    if (is_filler(v) || corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) continue;
+    for (const Place& at : corner) {
+      if (shared.contains(at)) found.insert(at);
+    }
+  }
+  std::set<int64_t> out;
+  for (const High& h : high) {
+    if (!found.contains(h.vertex)) out.insert(h.triangle);
+  }
+  return static_cast<int64_t>(out.size());
 }
 
 }  // namespace lodlab::instrument
