@@ -297,9 +297,11 @@ def _predictions() -> list[Case]:
     source = square(32.0, 8, spike((8.0, 8.0), 4.0))
     s = math.sqrt(3.0)  # the longest ray to depth 1: sqrt(1 + tan^2 + tan^2), both tangents 1
 
-    def case(name: str, view: View, projection: str, predicted: float) -> Case:
-        flat = Drawn(source, "chunked", {"finest_error": 8.0}, {"projection": projection, "stream": False})
-        values = {"predicted_px": predicted, "measured_max": 4.0, "measured_rms": 4.0 / 9.0}
+    def case(name: str, view: View, projection: str, predicted: float, triangles: int = 2) -> Case:
+        build = {"finest_error": 8.0, "leaf": 8}
+        flat = Drawn(source, "chunked", build, {"projection": projection, "stream": False})
+        values = {"measured_max": 4.0, "measured_rms": 4.0 / 9.0}
+        values |= {"predicted_px": predicted, "drawn_triangles": triangles}
         return Case(f"flat chunk, {name}", source, (flat,), view, values)
 
     # The chunk spans [-32, 32] both ways, 0 to 4 m high.
@@ -316,6 +318,8 @@ def _predictions() -> list[Case]:
         # A vertical displacement shows by the cosine of the elevation at which it is seen.
         case("vertical", above, "vertical", K * 4.0 * s * flank / (100.0 / s - 4.0)),
         case("the paper's formula", above, "paper", K * 4.0 / 100.0),
+        # Culled: nothing is drawn that a claim could be about.
+        case("out of sight", level((0.0, 100.0, 50.0)), "strict", 0.0, triangles=0),
     ]
 
 
