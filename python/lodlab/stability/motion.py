@@ -80,11 +80,12 @@ def thresholds(choose: Callable[[float], frozenset], low: float, high: float, wh
 
 def budget_thresholds(stage: Stage) -> Iterator[Figure]:
     """Failure: budget thrash. A band between refine and coarsen smaller than a node makes detail oscillate.
-    Test: budgets at which the cut changes, found by bisection; at each, and next to it, the camera holds still for
-    20 frames after a far looser and a far tighter budget. Figure: changes after frame 3. Limit: 0.
+    Test: budgets at which the cut changes, found by bisection (where none does, the loosest and the tightest); at each,
+    and next to it, the camera holds still for 20 frames after a far looser and a far tighter budget. Figure: changes
+    after frame 3. Limit: 0.
     """
     stage.need_budgets()
-    view = stage.views(3)[1]
+    view = stage.over(height=0.2)
     session = stage.session()
     count = 6 if stage.short else 24
     for kind in stage.budgets:
@@ -95,7 +96,8 @@ def budget_thresholds(stage: Stage) -> Iterator[Figure]:
             return chosen(session.select(view, _core.Budget(**{kind: value})))
 
         worst = Worst()
-        for value in thresholds(choose, max(low, 1), high + 1, whole, count):
+        low, high = (max(low, 1), high + 1) if whole else (low, high)
+        for value in thresholds(choose, low, high, whole, count) or [low, high]:
             step = 1 if whole else value * 1e-12
             for held in (value - step, value, value + step):
                 for start in (low, high):
