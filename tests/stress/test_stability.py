@@ -281,10 +281,19 @@ def test_neighbours_see_a_crack(stage: Stage, play: Callable[[Stage], Iterator[F
     assert worst(play(cracked)) > 0
 
 
-def test_bounds_see_half_of_the_truth(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Stage.excess
+def test_neighbours_are_seen_from_where_cracks_show(stage: Stage) -> None:
+    cracked = Stage(stage.bench, "chunked", {"cracks": "none"}, True)
+    session, tree = cracked.session(), cracked.tree
+    _, _, point, way = next(tree.edges())
+    cut = tree.cut(session, [(point + 1e-3 * tree.leaf_side() * way, tree.depth)])
+    for side in (way, -way):
+        view = structure._near(cracked, point, side)
+        assert cracked.examine(session, cut, view).crack_pixels > 0
+
+
+def test_bounds_see_a_claim_of_a_quarter_of_the_truth(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     assert worst(structure.bounds_hold(stage)) <= 0
-    monkeypatch.setattr(Stage, "excess", lambda s, session, cut, view: real(s, session, cut, view) + 1.0)
+    monkeypatch.setattr(lod.Cut, "predicted_px", property(lambda cut: 0.25 * cut.core.predicted_px))
     assert worst(structure.bounds_hold(stage)) > 0
 
 
@@ -326,9 +335,19 @@ def test_large_coordinates_see_vertices_that_tremble(stage: Stage) -> None:
     assert extremes._beyond_exact(stage, session.session, cut, view) < 0.5
 
 
-def test_views_see_what_is_not_finite(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extremes, "_answered", lambda *args: False)
-    assert worst(extremes.extreme_views(stage)) == len(extremes.views_nobody_tried(stage))
+def test_views_see_a_flaw_and_a_claim_that_does_not_hold(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    views = extremes.views_nobody_tried(stage)
+    session, view = stage.session(), views["fov 60"]
+    cut = session.select(view, lod.Budget(pixel_error=0.5))
+    assert extremes._answered(stage, session, cut, view)
+    with monkeypatch.context() as patch:
+        patch.setattr(lod.Cut, "predicted_px", property(lambda cut: 0.0))
+        assert not extremes._answered(stage, session, cut, view)
+    with monkeypatch.context() as patch:
+        patch.setattr(lod.Cut, "triangles", property(lambda cut: cut.core.triangles - 1))
+        assert not extremes._answered(stage, session, cut, view)
+    monkeypatch.setattr(Stage, "flaws", lambda *args: 1.0)
+    assert worst(extremes.extreme_views(stage)) == len(views)
 
 
 def test_budgets_see_one_that_is_not_kept(stage: Stage) -> None:
