@@ -23,7 +23,7 @@ def still_camera(stage: Stage) -> Iterator[Figure]:
     pages. Figure: the frame from which on nothing changes. Limit: 3; with paging a frame to fetch and one to upload
     more for each further level.
     """
-    views = stage.views(2 if stage.short else 4)
+    views = stage.views(2)
     worst: dict[str, Worst] = {}
     session = stage.session()
     for view, other in zip(views, reversed(views), strict=True):
