@@ -172,7 +172,7 @@ def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
     """The parts, with a bar that names the one being played."""
     from tqdm.auto import tqdm
 
-    with tqdm(total=len(parts), disable=not progress, leave=False) as bar:
+    with tqdm(total=len(parts), disable=None if progress else True, leave=False) as bar:
         for part in parts:
             bar.set_description_str(f"{part.scene.name} {part.method} {results.short_source(part.source)}")
             yield part
