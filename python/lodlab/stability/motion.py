@@ -87,7 +87,7 @@ def budget_thresholds(stage: Stage) -> Iterator[Figure]:
     stage.need_budgets()
     view = stage.over(height=0.2)
     session = stage.session()
-    count = 6 if stage.short else 24
+    count = 6 if stage.short else 12
     for kind in stage.budgets:
         whole = kind != "pixel_error"
         low, high = stage.extent(session, view, kind) if whole else (0.05, 64.0)
