@@ -235,7 +235,7 @@ def everything_pops(stage: Stage) -> Iterator[Figure]:
     views = list(stage.path.dense(8).views(stage.size))
     cuts = [session.select(view, budget) for view in views]
     changed = [len(chosen(a) ^ chosen(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-    most = sorted(range(len(changed)), key=lambda i: -changed[i])[: 12 if stage.short else 60]
+    most = sorted(range(len(changed)), key=lambda i: -changed[i])[: 12 if stage.short else 30]
     most = [i for i in most if changed[i]] or most[:3]
     area, jump = Worst(), Worst()
     for i in most:
