@@ -30,6 +30,8 @@ GOOD = {
     "capture_mismatch_pixels": 0.0,
     "inverted_triangles": 0,
     "slanted_filler_triangles": 0,
+    "raised_filler_triangles": 0,
+    "drawn_triangles": 100.0,
     "pop_px_max": 0.0,
 }
 
@@ -60,13 +62,14 @@ def test_every_law_holds_where_nothing_is_wrong():
     [
         ("error", "measured_px_max", 2.1, "2.10 over 2.00 px"),
         ("error", "measured_px_max", np.inf, "∞ over"),
-        ("budgets", "triangles", 101, "101 triangles"),
         ("budgets", "nodes", 11, "11 nodes"),
         ("pixel_error", "budget_pixel_error", 1.999, "2.00 px predicted under 2.00 px"),
         ("capture", "capture_mismatch_pixels", 7.0, "7 pixels differ"),
         ("holes", "hole_samples", 3, "3 samples uncovered"),
         ("winding", "inverted_triangles", 4, "4 triangles inverted"),
         ("fillers", "slanted_filler_triangles", 2, "2 fillers slant"),
+        ("raised", "raised_filler_triangles", 2, "2 fillers rise"),
+        ("counts", "drawn_triangles", 101.0, "100 reported, 101 counted"),
         ("still", "pop_px_max", 0.5, "still jumps by 0.500 px"),
     ],
 )
@@ -76,6 +79,13 @@ def test_a_law_breaks_alone_and_says_where(law, column, value, text):
     assert [v.law for v in broken] == [law]
     assert text in broken[0].sentence and f"frame {4 if law == 'still' else 3}" in broken[0].sentence
     assert law not in {v.law for v in laws.judge(frames.iloc[:3]) if v.verdict == "broken"}
+
+
+def test_a_budget_of_triangles_breaks_too():
+    frames = rows(triangles=101)
+    frames.loc[3:, "drawn_triangles"] = 101.0
+    broken = [v for v in laws.judge(frames) if v.verdict == "broken"]
+    assert [v.law for v in broken] == ["budgets"] and "101 triangles" in broken[0].sentence
 
 
 def test_the_slack_is_a_hundredth_of_a_pixel():
@@ -92,6 +102,7 @@ def test_a_claim_that_is_no_number_is_no_promise_kept():
 def test_a_budget_missed_openly_breaks_nothing(column):
     frames = rows(**{column: 1000.0 if column == "predicted_px" else 1000})
     frames.loc[3:, "budget_met"] = False
+    frames["drawn_triangles"] = frames["triangles"]
     found = verdicts(frames)
     assert found["budgets"] == found["pixel_error"] == "holds" and found["met"] == "open"
 

@@ -191,7 +191,8 @@ void bind_measurement(py::module_& m) {
   const auto column = [&](const char* name, auto function, const char* text) {
     type.def_property_readonly(name, figure(function), text);
   };
-  column("measured_px_max", &Measurement::measured_px_max, "Largest over the samples in the frustum, pixels.");
+  column("measured_px_max", &Measurement::measured_px_max,
+         "Largest over the samples in the frustum, pixels.");
   column("measured_px_p99", &Measurement::measured_px_p99, "Over the reference's pixels, nearest rank.");
   column("measured_px_rms", &Measurement::measured_px_rms, "Over the reference's pixels.");
   column("measured_max", &Measurement::measured_max, "Over all samples, source units.");
@@ -207,7 +208,12 @@ void bind_measurement(py::module_& m) {
   column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
   column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
   column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
-  column("slanted_filler_triangles", &Measurement::slanted_filler_triangles, "Fillers that are not vertical.");
+  column("slanted_filler_triangles", &Measurement::slanted_filler_triangles,
+         "Fillers that are not vertical.");
+  column("raised_filler_triangles", &Measurement::raised_filler_triangles,
+         "Fillers that rise above the drawn surface.");
+  column("drawn_triangles", &Measurement::drawn_triangles,
+         "Triangles of the picture as the GPU counts them, culled nodes left out.");
   type.def_property_readonly("image", &drawn_image, "(H, W, 4) uint8: the picture as drawn, row 0 on top.")
       .def_property_readonly(
           "reference",

@@ -3,6 +3,7 @@
 
 #include "base/errors.h"
 #include "instrument/crack_edges.h"
+#include "instrument/fillers.h"
 #include "instrument/picture_difference.h"
 
 namespace lodlab::instrument {
@@ -97,6 +98,8 @@ const Orientation& Measurement::orientation() {
   return kept(orientation_, [&] { return lodlab::instrument::orientation(grid(), whole()); });
 }
 
+int64_t Measurement::raised_filler_triangles() { return raised_fillers(field(), grid(), surface(), whole()); }
+
 // Figures over pixels ---------------------------------------------------------------------------------------
 
 const PixelError& Measurement::pixels() {
@@ -119,6 +122,10 @@ std::vector<float> Measurement::error_px() {
 double Measurement::psnr_db() {
   if (subject_.reference == nullptr) return kUndefined;
   return lodlab::instrument::psnr_db(drawn(), subject_.reference->shade);
+}
+
+double Measurement::drawn_triangles() {
+  return subject_.pictures ? static_cast<double>(drawn().triangles) : kUndefined;
 }
 
 /// The capture that everything above is measured on, drawn again from a plain buffer: inside the frustum it

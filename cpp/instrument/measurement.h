@@ -59,6 +59,8 @@ class Measurement {
   double pop_area();
   int64_t inverted_triangles() { return orientation().inverted; }
   int64_t slanted_filler_triangles() { return orientation().slanted_fillers; }
+  int64_t raised_filler_triangles();
+  double drawn_triangles();
 
   const Camera& camera() const { return subject_.camera; }
   const std::shared_ptr<const Reference>& reference() const { return subject_.reference; }

@@ -13,10 +13,18 @@
 namespace lodlab::instrument {
 namespace {
 
-constexpr int64_t kMostPieces = int64_t{1} << 24;
+/// Rounds of cuts take turns: along an edge, where two are equally far, along an edge, halving the longest
+/// edge. The last makes pieces shrink whatever the others do. One surface cut into other triangles takes
+/// about 10 pieces a triangle so, and 40 without the cuts along edges.
+constexpr int kHalveEvery = 4;
 
-/// Every third cut halves the longest edge, so that pieces shrink whatever the other cuts do.
-constexpr int kHalveEvery = 3;
+/// Parts of this size, as a share of their distance, see it change little: no smaller ones are integrated
+/// over.
+constexpr double kSmallPart = 0.1;
+
+/// A cut closer than this to a corner, as a share of the edge, goes through it: rounding would peel off
+/// slivers without end. What it leaves over an edge is far below kLeastShare.
+constexpr double kSnap = 1e-10;
 
 /// One result a block of [0, count); at least 64 blocks where there is work for them.
 template <class Result, class Body>
@@ -104,13 +112,17 @@ class Measurer {
   /// the one closest to its centroid.
   void bound(Piece& piece, std::array<uint32_t, 2> others, double lower, Found& found) const;
   /// Bounds the parts of a piece and keeps those still open.
-  void cut(const Piece& piece, bool halve, double lower, Found& found) const;
+  void cut(const Piece& piece, int round, double lower, Found& found) const;
 
  private:
   Corner corner(const glm::dvec3& at, uint32_t hint) const;
   void try_bound(Piece& piece, uint32_t triangle) const;
-  glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const;
-  bool cut_between(const Piece& piece, uint32_t a, uint32_t b, double lower, Found& found) const;
+  double crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const;
+  template <class Crossing>
+  bool cut_off(const Piece& piece, const std::array<double, 3>& values, std::array<uint32_t, 2> others,
+               double lower, const Crossing& crossing, Found& found) const;
+  bool cut_along_edge(const Piece& piece, const Corner& worst, double lower, Found& found) const;
+  bool cut_between(const Piece& piece, const Corner& worst, double lower, Found& found) const;
   void keep(const std::array<Corner, 3>& corners, std::array<uint32_t, 2> others, double lower,
             Found& found) const;
 
@@ -175,16 +187,16 @@ void Measurer::keep(const std::array<Corner, 3>& corners, std::array<uint32_t, 2
   if (exceeds(piece.upper, lower)) found.open.push_back(piece);
 }
 
-/// Where between two points, of which one is closer to a and the other to b, both are equally far: regula
-/// falsi, Illinois' way. Need not be exact.
-glm::dvec3 Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const {
+/// The share of the way between two points, of which one is closer to a and the other to b, at which both are
+/// equally far: regula falsi, Illinois' way. Need not be exact.
+double Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint32_t a, uint32_t b) const {
   const auto difference = [&](const glm::dvec3& at) { return distance(at, a) - distance(at, b); };
   double lo = 0.0, hi = 1.0, at_lo = difference(from), at_hi = difference(to);
   int last = 0;
   for (int step = 0; step < 40 && at_lo != at_hi; ++step) {
     const double middle = std::clamp(lo - at_lo * (hi - lo) / (at_hi - at_lo), lo, hi);
     const double value = difference(glm::mix(from, to, middle));
-    if (value == 0.0 || middle == lo || middle == hi) return glm::mix(from, to, middle);
+    if (value == 0.0 || middle == lo || middle == hi) return middle;
     if ((value > 0.0) == (at_hi > 0.0)) {
       hi = middle, at_hi = value;
       if (last == 1) at_lo *= 0.5;
@@ -195,39 +207,78 @@ glm::dvec3 Measurer::crossing(const glm::dvec3& from, const glm::dvec3& to, uint
       last = -1;
     }
   }
-  return glm::mix(from, to, 0.5 * (lo + hi));
+  return 0.5 * (lo + hi);
 }
 
-/// Cuts off the corner that alone is closer to one of two target triangles. False when there is none, or when
-/// the cut would leave the piece as it is.
-bool Measurer::cut_between(const Piece& piece, uint32_t a, uint32_t b, double lower, Found& found) const {
-  std::array<bool, 3> nearer_b;
-  for (size_t i = 0; i < 3; ++i)
-    nearer_b[i] = distance(piece.corners[i].at, a) > distance(piece.corners[i].at, b);
-  const int count = nearer_b[0] + nearer_b[1] + nearer_b[2];
+/// Cuts off the corner that alone has a positive value, or alone has none; `crossing` gives where between
+/// two corners to cut, as a share of the way. False when there is none, or when the cut would leave the piece
+/// as it is.
+template <class Crossing>
+bool Measurer::cut_off(const Piece& piece, const std::array<double, 3>& values,
+                       std::array<uint32_t, 2> others, double lower, const Crossing& crossing,
+                       Found& found) const {
+  const auto positive = [&](size_t i) { return values[i] > 0.0; };
+  const int count = positive(0) + positive(1) + positive(2);
   if (count == 0 || count == 3) return false;
-  const size_t lone =
-      static_cast<size_t>(std::find(nearer_b.begin(), nearer_b.end(), count == 1) - nearer_b.begin());
-  const Corner& tip = piece.corners[lone];
-  const Corner& p = piece.corners[(lone + 1) % 3];
-  const Corner& q = piece.corners[(lone + 2) % 3];
-  const glm::dvec3 at_p = crossing(tip.at, p.at, a, b), at_q = crossing(tip.at, q.at, a, b);
+  size_t lone = 0;
+  while (positive(lone) != (count == 1)) ++lone;
+  const size_t next = (lone + 1) % 3, last = (lone + 2) % 3;
+  const Corner &tip = piece.corners[lone], &p = piece.corners[next], &q = piece.corners[last];
+  const auto place = [&](size_t to) {
+    const double share = crossing(lone, to);
+    if (share < kSnap) return tip.at;
+    return share > 1.0 - kSnap ? piece.corners[to].at : glm::mix(tip.at, piece.corners[to].at, share);
+  };
+  const glm::dvec3 at_p = place(next), at_q = place(last);
   if (at_p == tip.at || at_q == tip.at || (at_p == p.at && at_q == q.at)) return false;
-  const Corner on_p = corner(at_p, a), on_q = corner(at_q, a);
+  const Corner on_p = corner(at_p, others[0]), on_q = corner(at_q, others[0]);
   found.attain(on_p, piece.upper);
   found.attain(on_q, piece.upper);
-  keep({tip, on_p, on_q}, {a, b}, lower, found);
-  if (at_p != p.at) keep({p, on_q, on_p}, {a, b}, lower, found);
-  if (at_q != q.at) keep({p, q, on_q}, {a, b}, lower, found);
+  keep({tip, on_p, on_q}, others, lower, found);
+  const bool from_p = glm::distance(p.at, at_q) <= glm::distance(q.at, at_p);  // the shorter diagonal
+  if (at_p != p.at) keep({p, from_p ? on_q : q, on_p}, others, lower, found);
+  if (at_q != q.at) keep({q, on_q, from_p ? p : on_p}, others, lower, found);
   return true;
 }
 
-void Measurer::cut(const Piece& piece, bool halve, double lower, Found& found) const {
+/// Along the plane through an edge of the best triangle, perpendicular to it, beyond which the worst corner
+/// lies farthest.
+bool Measurer::cut_along_edge(const Piece& piece, const Corner& worst, double lower, Found& found) const {
+  const Triangle t = to_.mesh().triangle(piece.best);
+  const glm::dvec3 normal = glm::cross(t[1] - t[0], t[2] - t[0]);
+  double farthest = 0.0;
+  std::array<double, 3> values{};
+  for (size_t i = 0; i < 3; ++i) {
+    const glm::dvec3 out = glm::cross(t[(i + 1) % 3] - t[i], normal);
+    const double beyond = glm::dot(worst.at - t[i], out) / glm::length(out);
+    if (!(beyond > farthest)) continue;
+    farthest = beyond;
+    for (size_t k = 0; k < 3; ++k) values[k] = glm::dot(piece.corners[k].at - t[i], out);
+  }
+  const auto crossing = [&](size_t from, size_t to) { return values[from] / (values[from] - values[to]); };
+  return farthest > 0.0 && cut_off(piece, values, {piece.best, worst.closest}, lower, crossing, found);
+}
+
+/// Where the best triangle and the one closest to the worst corner are equally far.
+bool Measurer::cut_between(const Piece& piece, const Corner& worst, double lower, Found& found) const {
+  std::array<double, 3> values;
+  for (size_t i = 0; i < 3; ++i)
+    values[i] = distance(piece.corners[i].at, piece.best) - distance(piece.corners[i].at, worst.closest);
+  const auto place = [&](size_t from, size_t to) {
+    return crossing(piece.corners[from].at, piece.corners[to].at, piece.best, worst.closest);
+  };
+  return cut_off(piece, values, {piece.best, worst.closest}, lower, place, found);
+}
+
+void Measurer::cut(const Piece& piece, int round, double lower, Found& found) const {
   const auto farther = [&](const Corner& x, const Corner& y) {
     return distance(x.at, piece.best) < distance(y.at, piece.best);
   };
   const Corner& worst = *std::max_element(piece.corners.begin(), piece.corners.end(), farther);
-  if (!halve && cut_between(piece, piece.best, worst.closest, lower, found)) return;
+  if (round % kHalveEvery != 0) {
+    if (round % 2 == 1 && cut_along_edge(piece, worst, lower, found)) return;
+    if (cut_between(piece, worst, lower, found)) return;
+  }
   size_t longest = 0;  // the edge from this corner to the next
   double length = -1.0;
   for (size_t i = 0; i < 3; ++i) {
@@ -255,11 +306,11 @@ std::vector<Piece> gather(const Measurer& measurer, std::vector<Found>& blocks, 
   return out;
 }
 
-double refine(const Measurer& measurer, std::vector<Piece> open, double lower) {
+double refine(const Measurer& measurer, std::vector<Piece> open, double lower, int64_t most_pieces) {
   int64_t cut = 0;
   for (int round = 1; !open.empty(); ++round) {
     cut += static_cast<int64_t>(open.size());
-    if (cut > kMostPieces) {
+    if (cut > most_pieces) {
       double upper = 0.0;
       for (const Piece& piece : open) upper = std::max(upper, piece.upper);
       char text[200];
@@ -267,11 +318,11 @@ double refine(const Measurer& measurer, std::vector<Piece> open, double lower) {
           text, sizeof text,
           "mesh_accuracy: the largest distance lies within %.9g to %.9g after %lld pieces of surface; "
           "no more than that are tried",
-          lower, upper, static_cast<long long>(kMostPieces));
+          lower, upper, static_cast<long long>(most_pieces));
       throw Unsupported(text);
     }
     auto blocks = per_block<Found>(static_cast<int64_t>(open.size()), [&](int64_t i, Found& found) {
-      measurer.cut(open[static_cast<size_t>(i)], round % kHalveEvery == 0, lower, found);
+      measurer.cut(open[static_cast<size_t>(i)], round, lower, found);
     });
     open = gather(measurer, blocks, lower);
   }
@@ -294,7 +345,7 @@ std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to
 }
 
 SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
-                                 const MeshSurface& to, double extent) {
+                                 const MeshSurface& to, double extent, int64_t most_pieces) {
   double lower = 0.0, whole_area = 0.0;
   for (const Closest& closest : at_vertices) lower = std::max(lower, closest.distance);
   for (int64_t i = 0; i < from.triangles(); ++i) whole_area += area(from.triangle(i));
@@ -311,14 +362,20 @@ SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& a
     if (measurer.exceeds(piece.upper, lower)) found.open.push_back(piece);
     const double own = area(triangle);
     if (own == 0.0 || piece.upper == 0.0) return;  // a triangle that lies in one of the target's adds nothing
-    const int64_t parts = std::max<int64_t>(1, std::llround(std::sqrt(own / share)));
+    double nearest = piece.corners[0].distance, longest = 0.0;
+    for (size_t k = 0; k < 3; ++k) {
+      nearest = std::min(nearest, piece.corners[k].distance);
+      longest = std::max(longest, glm::distance(triangle[k], triangle[(k + 1) % 3]));
+    }
+    const double wanted = std::min(std::sqrt(own / share), 1.0 + longest / (kSmallPart * nearest));
+    const int64_t parts = std::max<int64_t>(1, std::llround(wanted));
     measurer.integrate(triangle, parts, piece, found);
   });
   double squares = 0.0;
   for (const Found& block : blocks) squares += block.squares;
   std::vector<Piece> open = gather(measurer, blocks, lower);
   SurfaceDistance out;
-  out.max = refine(measurer, std::move(open), lower);
+  out.max = refine(measurer, std::move(open), lower, most_pieces);
   out.rms = whole_area > 0.0 ? std::sqrt(squares / whole_area) : std::numeric_limits<double>::quiet_NaN();
   return out;
 }

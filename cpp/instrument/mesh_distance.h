@@ -6,8 +6,8 @@
 // Maximum by branch and bound. The distance to one triangle is convex: over a piece P of the surface it is
 // nowhere larger than at P's corners, so for every target triangle t,
 //   max over corners of d(corner, M)  <=  sup over P of d(x, M)  <=  max over corners of d(corner, t).
-// Pieces whose upper bound exceeds the largest distance seen are cut, where two target triangles are equally
-// far (then each part tends to have one closest triangle, and its bounds meet), in turns with halving.
+// Pieces whose upper bound exceeds the largest distance seen are cut: above the edges of a target triangle,
+// or where two are equally far, so that each part comes to have one closest triangle, and its bounds meet.
 // Root mean square by Radon's rule of seven points, of degree 5, on every triangle, cut into equal parts
 // until it has its share of the points that the finer of the two meshes asks for.
 #pragma once
@@ -30,8 +30,8 @@ struct SurfaceDistance {
 std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to);
 
 /// From every point of `from`, which has triangles as `to` has. `at_vertices` as above; `extent`: the size of
-/// both together. Throws Unsupported when the maximum takes more than kMostPieces pieces to find.
+/// both together. Throws Unsupported, naming bounds, when the maximum takes cutting more than `most_pieces`.
 SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
-                                 const MeshSurface& to, double extent);
+                                 const MeshSurface& to, double extent, int64_t most_pieces);
 
 }  // namespace lodlab::instrument

@@ -19,6 +19,10 @@ namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
+/// Work that a maximum may take, in pieces of surface (10 us each): minutes. One surface cut into other
+/// triangles takes about 10 a triangle; most take a few thousand in all.
+constexpr int64_t kMostPieces = int64_t{1} << 24, kMostPiecesPerTriangle = 32;
+
 /// The box of triangles that are all as they must be.
 Box checked_box(std::span<const Triangle> triangles, const char* whose) {
   Box box;
@@ -107,9 +111,10 @@ MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
     out.measured_max_source_to_drawn = out.measured_rms_source_to_drawn = kInfinite;
   } else {
     const double extent = glm::distance(box.lo, box.hi);
-    const auto there = surface_distance(source, at_source, drawn_surface, extent);
+    const int64_t most = kMostPieces + kMostPiecesPerTriangle * (source.triangles() + shown.triangles());
+    const auto there = surface_distance(source, at_source, drawn_surface, extent, most);
     const auto back =
-        surface_distance(shown, closest_to_vertices(shown, source_surface), source_surface, extent);
+        surface_distance(shown, closest_to_vertices(shown, source_surface), source_surface, extent, most);
     out.measured_max_source_to_drawn = there.max;
     out.measured_rms_source_to_drawn = there.rms;
     out.measured_max_drawn_to_source = back.max;

@@ -81,6 +81,24 @@ class GpuTimer {
   bool running_ = false;
 };
 
+/// Counts the primitives that a scope hands to the rasterizer.
+class PrimitiveCounter {
+ public:
+  PrimitiveCounter() : query_(GL_PRIMITIVES_GENERATED) { query_.begin(); }
+  ~PrimitiveCounter() {
+    if (running_) glEndQuery(GL_PRIMITIVES_GENERATED);
+  }
+  int64_t stop() {
+    running_ = false;
+    query_.end();
+    return static_cast<int64_t>(query_.result());
+  }
+
+ private:
+  gl::Query query_;
+  bool running_ = true;
+};
+
 void submit(DrawPass& pass, const DrawCall& draw) {
   draw(pass);
   gl::check("drawing the cut");
@@ -92,11 +110,16 @@ Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool
                      bool everything) {
   const gl::Framebuffer& target = bind_target(camera.width, camera.height);
   clear_target(clear_color(show));
+  int64_t triangles = 0;
   if (show != Show::kNone) {
     DrawPass pass(camera, shader_show(show), everything);
+    PrimitiveCounter counter;
     submit(pass, draw);
+    triangles = counter.stop();
   }
-  return read_picture(target, camera.near_plane, want_depth);
+  Picture picture = read_picture(target, camera.near_plane, want_depth);
+  picture.triangles = triangles;
+  return picture;
 }
 
 Picture draw_wire(const Camera& camera, const DrawCall& draw) {

@@ -22,6 +22,7 @@ struct Picture {
   int width = 0, height = 0;
   std::vector<uint8_t> rgba;
   std::vector<float> depth;
+  int64_t triangles = 0;  ///< drawn, as the GPU counts them
 };
 
 /// One vertex as the GPU emitted it: 28 bytes, the transform feedback layout.

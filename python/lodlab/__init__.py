@@ -20,7 +20,7 @@ try:
 except ImportError as error:
     raise ImportError(
         f"lodlab's native core does not load: {error}. It needs the system libraries of Debian's libepoxy0, libegl1, "
-        "libgl1-mesa-dri, libtbb12, libmeshoptimizer2 and libsqlite3-0, and a build for this very Python"
+        "libgl1-mesa-dri, libtbb12, libembree3-3, libmeshoptimizer2 and libsqlite3-0, and a build for this very Python"
     ) from error
 
 from . import _shaders, charts, datasets, errors, instrument, laws, report, stability  # noqa: F401 - _shaders tells the core where they are

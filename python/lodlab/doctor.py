@@ -17,7 +17,8 @@ from .errors import GLError
 from .results import commit, machine, version
 from .sources import data_folder
 
-PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "tqdm", "trimesh", "typer")
+PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "scikit-image", "scipy", "flip-evaluator", "tqdm",
+            "trimesh", "typer")  # fmt: skip
 
 
 @dataclass(frozen=True)

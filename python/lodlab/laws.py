@@ -108,6 +108,16 @@ def _pixel_error(frames: Any, slack: float) -> tuple[str, str] | None:
     )
 
 
+def _counts(measured: Any, slack: float) -> tuple[str, str] | None:
+    """The method counts what it submits, in every frame; the GPU counts in those that are measured."""
+    rows = measured[measured["drawn_triangles"].notna()]
+    if not len(rows):
+        return None
+    text = f"The triangles that a frame reports are those that the GPU counted ({len(rows)} frames)"
+    bad = rows[rows["triangles"] != rows["drawn_triangles"]]
+    return _verdict(text, bad, lambda r: f"{_count(r, 'triangles')} reported, {_count(r, 'drawn_triangles')} counted")
+
+
 def _met(frames: Any, slack: float) -> tuple[str, str]:
     missed = frames[~frames["budget_met"]]
     if not len(missed):
@@ -172,6 +182,7 @@ _CAPTURE = "The captured triangles are the ones that were drawn, depth compared"
 _COVERED = "Every sample of the source is covered"
 _WOUND = "Every surface triangle shows its outside"
 _UPRIGHT = "Fillers stand upright, so that no surface hides among them"
+_BELOW = "Fillers stay below the surface, so that they hide none of it"
 
 LAWS: tuple[Law, ...] = (
     Law("error", "The measured error stays within the predicted one", ("measured_px_max", "predicted_px"), _error),
@@ -210,6 +221,13 @@ LAWS: tuple[Law, ...] = (
         ("slanted_filler_triangles",),
         _none_of("slanted_filler_triangles", _UPRIGHT, "fillers slant"),
     ),
+    Law(
+        "raised",
+        _BELOW,
+        ("raised_filler_triangles",),
+        _none_of("raised_filler_triangles", _BELOW, "fillers rise above it"),
+    ),
+    Law("counts", "Reported triangles are those that the GPU counted", ("drawn_triangles",), _counts),
     Law("still", "Under a still camera the surface comes to rest", ("pop_px_max",), _still),
     Law("cracks", "No picture shows a crack", ("crack_pixels",), _cracks),
 )

@@ -114,6 +114,8 @@ METRICS: tuple[Metric, ...] = (
     _core("pop_area", "1", "Share of pixels that jump more than one pixel; nan in a first frame."),
     _core("inverted_triangles", "count", "Surface triangles that turn their inside to the outside."),
     _core("slanted_filler_triangles", "count", "Fillers that are not vertical, and so could pass for surface."),
+    _core("raised_filler_triangles", "count", "Fillers that rise above the drawn surface, and so could hide it."),
+    _core("drawn_triangles", "count", "Triangles that the GPU counted in the picture; nan without one."),
 )  # fmt: skip
 
 

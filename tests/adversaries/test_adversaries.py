@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core
+from lodlab import _core, instrument
 from lodlab.errors import InvalidInput
 from lodlab.passes import CaptureMismatch
 
@@ -25,6 +25,7 @@ FINE = NODES * 480  # triangles of all nodes at full resolution, those that vani
 # - pop: pop_px_max says how far, pop_area how much of the picture, of the same jump.
 # - hole: its rim has edges without a partner (no surface without such edges leaves a sample out); through it the
 #   picture shows what is behind; a sample in it is infinitely far from the surface, in the frame and in the audit.
+# - disguise: filler that is to be seen before the surface is above it; filler below is slanted and no more.
 # - nothing: one hole, without a rim.
 EXPECTED: dict[str, tuple[str, ...]] = {
     "honest": (),
@@ -40,10 +41,12 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "inverted": ("winding",),
     "two_faced": ("capture",),
     "two_faced_whole": ("capture",),
-    "disguise": ("fillers",),
+    "disguise": ("fillers", "raised"),
+    "wall": ("raised",),
+    "under_reports": ("counts",),
     "nothing": ("holes", "crack_pixels", "error", "audit"),
 }
-GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0}
+GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0, "wall": 5.0}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -133,6 +136,18 @@ def test_the_honest_pass_under_every_budget(grounds, budgets, name):
     assert evidence.moving["budget_met"].all() == (name != "over_nodes"), "63 nodes cannot cover 64"
 
 
+def test_the_honest_agree_at_any_mix_of_resolutions(grounds):
+    """So a crack is its maker's, not the family's."""
+    store = grounds.store("honest")
+    session = store.core.session({})
+    mixed = np.random.default_rng(4).integers(2, size=NODES).tolist()
+    cut = session.cut(list(range(NODES)), mixed)
+    measured = _core.Instrument(grounds.field.core).examine(session, cut, grounds.moving.view(0), pictures=False)
+    assert 0 < sum(mixed) < NODES
+    assert measured.crack_edges == measured.hole_samples == measured.inverted_triangles == 0
+    assert len(instrument.audit(store, cuts=20, progress=False).broken) == 0
+
+
 def test_the_flaws_are_as_large_as_they_say(seen):
     frames = {name: evidence.moving for name, evidence in seen.items()}
     assert (frames["honest"]["pop_px_max"].dropna() == 0.0).all() and len(frames["honest"]) == 3
@@ -149,6 +164,9 @@ def test_the_flaws_are_as_large_as_they_say(seen):
     assert (frames["hole"]["hole_samples"] == 9).all() and (frames["hole"]["crack_edges"] == 8).all()
     assert (frames["inverted"]["inverted_triangles"] == NODES * 128).all()
     assert (frames["disguise"]["slanted_filler_triangles"] == NODES * 128).all()
+    assert (frames["wall"]["raised_filler_triangles"] == NODES * 32).all()
+    told = frames["under_reports"]
+    assert (told["drawn_triangles"] - told["triangles"] == NODES).all(), "one a node"
 
 
 def test_nothing_drawn_is_measured_and_not_a_failure(seen, grounds):

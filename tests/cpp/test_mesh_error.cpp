@@ -233,6 +233,7 @@ TEST_CASE("one surface, cut into other triangles, is 0 as well") {
   };
   close_to_nothing(grid(0, 1, 0, 1), grid(0, 1, 0, 1, 1, 0.0, true));
   close_to_nothing(grid(0, 1, 0, 1, 7), grid(0, 1, 0, 1, 40, 0.0, true));
+  close_to_nothing(grid(0, 1, 0, 1), grid(0, 1, 0, 1, 50));  // with cuts that meet corners but for rounding
   // A slanted plane: corners of one no longer lie bit for bit in the other.
   const auto slant = [](const glm::dvec3& p) { return glm::dvec3(p.x, p.y, 0.3 * p.x - 0.7 * p.y + 0.1); };
   close_to_nothing(moved(grid(0, 1, 0, 1, 3), slant), moved(grid(0, 1, 0, 1, 50), slant));
@@ -380,6 +381,15 @@ TEST_CASE("surfaces that are everywhere about as far as they can be end in bound
   const MeshAccuracy a = measure(tube, blade);
   const double apothem = std::cos(std::acos(-1.0) / kSides);
   CHECK(a.measured_max_drawn_to_source == Approx(apothem).epsilon(kMaxTolerance));
+}
+
+TEST_CASE("a maximum that takes too long to find is refused with its bounds") {
+  const Mesh from = weld(grid(0, 1, 0, 1, 3), {}), to = weld(grid(0, 1, 0, 1, 20, 0.0, true), {});
+  const MeshSurface surface(to);
+  const auto vertices = closest_to_vertices(from, surface);
+  CHECK(surface_distance(from, vertices, surface, 1.0, 100'000).max <= 1e-8);
+  CHECK_THROWS_WITH_AS(surface_distance(from, vertices, surface, 1.0, 100),
+                       doctest::Contains("after 100 pieces"), Unsupported);
 }
 
 TEST_CASE("any number of threads gives the same figures, bit for bit") {

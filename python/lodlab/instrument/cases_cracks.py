@@ -172,7 +172,12 @@ def _winding() -> list[Case]:
         GROUND,
         (GROUND, ball(50.0, 7, 12)),
         ABOVE,
-        {"inverted_triangles": 60, "capture_mismatch_pixels": 0, "slanted_filler_triangles": 0},
+        {
+            "inverted_triangles": 60,
+            "capture_mismatch_pixels": 0,
+            "slanted_filler_triangles": 0,
+            "drawn_triangles": 72 + 120,
+        },
     )
     # On a ball up is away from the centre: above the north pole a level sheet shows its outside, below the
     # south pole its inside. Two triangles each.
@@ -184,27 +189,48 @@ def _winding() -> list[Case]:
         View((3000.0, 0.0, 0.0), (0.0, 0.0, 0.0), fov=90.0, size=(SIDE, SIDE)),
         {"inverted_triangles": 2, "crack_edges": 8},
     )
-    # Four chunks of 4 x 4 cells meet in a cross of four arms. Round a sample that stands out every sample is
-    # drawn, so the north-western chunk is split down to its middle ring, and nesting splits its two arms in
-    # halves: 6 segments, each with a skirt of two triangles from either side. Skirts hang along z, which on a
-    # ball, at latitude 0 and longitude 45, lies along the ground. A range of 60 km makes the quantum of heights
-    # a metre and skirts a few, well beyond rounding.
+    return [over, poles]
+
+
+def _chunks(x: float, y: float, z: float, spike: float) -> Drawn:
+    """Four chunks of 4 x 4 cells round (x, y), level at z but for one sample, `spike` above it.
+
+    They meet in a cross of four arms. Round a sample that stands out every sample is drawn, so the north-western
+    chunk is split down to its middle ring, and nesting splits its two arms in halves: 6 segments, each with a
+    skirt of two triangles from either side. A range of 60 km makes the quantum of heights a metre and skirts a
+    few, well beyond rounding.
+    """
+
+    def height(xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
+        out = np.full(xs.shape, z)
+        out[2, 2] += spike
+        return out
+
+    field = sheet((x - 32.0, x + 32.0), (y - 32.0, y + 32.0), (9, 9), height)
+    return Drawn(field, "chunked", {"leaf": 4}, {"stream": False}, nodes=(1, 2, 3, 4))
+
+
+def _skirts() -> list[Case]:
+    earth = ball(1000.0, 37, 72)
+    flat = _chunks(0.0, 0.0, 0.0, 60000.0)
+    # At latitude 0 and longitude 45 of a ball, z lies along the ground, and so do skirts, which hang along z.
     at = 1000.0 / math.sqrt(2.0)
-    chunks = sheet((at - 32.0, at + 32.0), (at - 32.0, at + 32.0), (9, 9), _raised_sample)
-    cut = Drawn(chunks, "chunked", {"leaf": 4}, {"stream": False}, nodes=(1, 2, 3, 4))
-    eye = View((3000.0, 3000.0, 0.0), (0.0, 0.0, 0.0), fov=90.0, size=(SIDE, SIDE))
-    slanted = Case("upright skirts on the flank of a ball", earth, (earth, cut), eye, {"slanted_filler_triangles": 24})
-    upright = Case(
-        "upright skirts on a plane", chunks, (cut,), from_above((at, at, 70000.0)), {"slanted_filler_triangles": 0}
-    )
-    return [over, poles, slanted, upright]
-
-
-def _raised_sample(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """60 km at the middle of the north-western chunk, so that there is something to refine."""
-    z = np.zeros(x.shape)
-    z[2, 2] = 60000.0
-    return z
+    aside = View((3000.0, 3000.0, 0.0), (0.0, 0.0, 0.0), fov=90.0, size=(SIDE, SIDE))
+    # Below its south pole they hang away from the ball: all rise above the chunks that they hang from.
+    under = (earth, _chunks(0.0, 0.0, -1100.0, -60000.0))
+    below = View((3000.0, 0.0, 0.0), (0.0, 0.0, 0.0), fov=90.0, size=(SIDE, SIDE))
+    nothing = {"slanted_filler_triangles": 0, "raised_filler_triangles": 0, "inverted_triangles": 0}
+    return [
+        Case(
+            "upright skirts on the flank of a ball",
+            earth,
+            (earth, _chunks(at, at, 0.0, 60000.0)),
+            aside,
+            {"slanted_filler_triangles": 24},
+        ),
+        Case("skirts below the south pole of a ball", earth, under, below, {"raised_filler_triangles": 24}),
+        Case("upright skirts on a plane", flat.field, (flat,), from_above((0.0, 0.0, 70000.0)), nothing),
+    ]
 
 
 def crack_cases() -> list[Case]:
@@ -218,4 +244,5 @@ def crack_cases() -> list[Case]:
         *_diagonal(),
         _unknown_voids(),
         *_winding(),
+        *_skirts(),
     ]

@@ -52,6 +52,36 @@ def _tilted() -> Case:
     return Case("level ground, drawn tilted", GROUND, (square(192.0, 4, lambda x, y: x / 16.0),), ABOVE, values)
 
 
+def _tents() -> list[Case]:
+    # One sample drawn 16 m too high: 1 at the sample, 0 at its neighbours 48 m off, linear in every triangle. Cell
+    # (row, column) is cut from its first corner where row + column is even: so eight triangles meet at samples
+    # whose row + column is even, and the tent's level sets are squares; elsewhere four, and they are diamonds.
+    def case(name: str, at: float, distance: np.ndarray) -> Case:
+        z = 16.0 * np.maximum(1.0 - distance / 48.0, 0.0)
+        moved = FROM_MIDDLE * z / (UP - z)
+        values = {
+            "measured_px_rms": rms(moved),
+            "measured_px_p99": nearest_rank(moved),
+            "pop_area": float(np.mean(moved > 1.0)),
+        }
+        return Case(name, GROUND, (square(192.0, 8, spike((at, 0.0), 16.0)),), ABOVE, values, before=(GROUND,))
+
+    return [
+        case("level ground, a tent over a square", 0.0, np.maximum(np.abs(RIGHT), np.abs(HIGHER))),
+        case("level ground, a tent over a diamond", 48.0, np.abs(RIGHT - 48.0) + np.abs(HIGHER)),
+    ]
+
+
+def _few_pixels() -> list[Case]:
+    # Of 20 x 20 pixels 99 % is 396, all but the four corners; of 18 x 18 it is 320.76: the 321st, a corner.
+    cases = []
+    for side, right, up in ((20, 9.5, 8.5), (18, 8.5, 8.5)):
+        view = from_above((0.0, 0.0, UP), size=(side, side))
+        values = {"measured_px_p99": math.hypot(right, up) * 8.0 / (UP - 8.0)}
+        cases.append(Case(f"level ground, {side} x {side} pixels", GROUND, (square(192.0, 4, 8.0),), view, values))
+    return cases
+
+
 def _wide() -> Case:
     # 320 x 200 pixels, 60 degrees across, from 100 m above.
     right, higher = pixel_offsets(320, 200)
@@ -255,9 +285,22 @@ def _pictures() -> list[Case]:
 
 def _itself() -> list[Case]:
     hills = square(192.0, 64, lambda x, y: 8.0 * np.sin(x / 17.0) * np.cos(y / 11.0))
-    nothing = {metric.name: 0.0 for metric in METRICS} | {"psnr_db": math.inf, "ssim": 1.0, "crack_mask_share": 1.0}
-    return [Case("hills drawn as they are", hills, (hills,), ABOVE, nothing | {"measured_samples": 65 * 65}, (hills,))]
+    nothing = {metric.name: 0.0 for metric in METRICS}
+    whole = {"psnr_db": math.inf, "ssim": 1.0, "crack_mask_share": 1.0}
+    counts = {"measured_samples": 65 * 65, "drawn_triangles": 2 * 64 * 64}
+    return [Case("hills drawn as they are", hills, (hills,), ABOVE, nothing | whole | counts, (hills,))]
 
 
 def pixel_cases() -> list[Case]:
-    return [*_itself(), *_errors(), _tilted(), _wide(), _grazing(), *_holes(), *_pops(), *_pictures()]
+    return [
+        *_itself(),
+        *_errors(),
+        _tilted(),
+        *_tents(),
+        *_few_pixels(),
+        _wide(),
+        _grazing(),
+        *_holes(),
+        *_pops(),
+        *_pictures(),
+    ]

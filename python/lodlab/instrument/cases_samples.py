@@ -135,6 +135,8 @@ def _near_plane() -> list[Case]:
     ]
     # The other way about: the sample itself is nearer than the near plane, so it is not inside the frustum.
     cases.append(_bump("spike of the source past the eye", (8.0, 0.0), 150.0, view, 0.0))
+    beside = from_above((-0.25, 0.0, 100.0), near=1.0)
+    cases.append(_bump("spike of the source within the near plane", (0.0, 0.0), 99.5, beside, 0.0))
     return cases
 
 
@@ -225,6 +227,17 @@ def _curved() -> Case:
     )
 
 
+def _layers() -> list[Case]:
+    # Two surfaces over every sample, 2 m too high and 3 m too low: the worse one counts, drawn first or last.
+    high, low = square(128.0, 4, 2.0), square(128.0, 4, -3.0)
+    view = level((0.0, -192.0, 16.0))
+    values = {"measured_max": 3.0, "measured_rms": 3.0, "measured_px_max": K * 3.0 / 64.0}
+    return [
+        Case("two layers, the better one last", PLANE, (low, high), view, values),
+        Case("two layers, the worse one last", PLANE, (high, low), view, values),
+    ]
+
+
 def _half_pixel() -> Case:
     # Seen level from 64 m before its nearest row, a plane that lies a quarter metre too high is K / 256 px off.
     return Case(
@@ -284,9 +297,11 @@ def _predictions() -> list[Case]:
     source = square(32.0, 8, spike((8.0, 8.0), 4.0))
     s = math.sqrt(3.0)  # the longest ray to depth 1: sqrt(1 + tan^2 + tan^2), both tangents 1
 
-    def case(name: str, view: View, projection: str, predicted: float) -> Case:
-        flat = Drawn(source, "chunked", {"finest_error": 8.0}, {"projection": projection, "stream": False})
-        values = {"predicted_px": predicted, "measured_max": 4.0, "measured_rms": 4.0 / 9.0}
+    def case(name: str, view: View, projection: str, predicted: float, triangles: int = 2) -> Case:
+        build = {"finest_error": 8.0, "leaf": 8}
+        flat = Drawn(source, "chunked", build, {"projection": projection, "stream": False})
+        values = {"measured_max": 4.0, "measured_rms": 4.0 / 9.0}
+        values |= {"predicted_px": predicted, "drawn_triangles": triangles}
         return Case(f"flat chunk, {name}", source, (flat,), view, values)
 
     # The chunk spans [-32, 32] both ways, 0 to 4 m high.
@@ -303,6 +318,8 @@ def _predictions() -> list[Case]:
         # A vertical displacement shows by the cosine of the elevation at which it is seen.
         case("vertical", above, "vertical", K * 4.0 * s * flank / (100.0 / s - 4.0)),
         case("the paper's formula", above, "paper", K * 4.0 / 100.0),
+        # Culled: nothing is drawn that a claim could be about.
+        case("out of sight", level((0.0, 100.0, 50.0)), "strict", 0.0, triangles=0),
     ]
 
 
@@ -318,6 +335,7 @@ def sample_cases() -> list[Case]:
         *_slopes(),
         _curved(),
         _half_pixel(),
+        *_layers(),
         *_holes(),
         *_predictions(),
     ]

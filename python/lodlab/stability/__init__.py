@@ -97,6 +97,7 @@ def run(
     ]
     worst: dict[tuple[str, str], float] = {}
     benches: dict[str, Bench] = {}
+    _write(folder, rows)
     for part in _steps(list(_parts(wanted, names, short)), progress):
         if part.source not in benches:
             benches.clear()  # one source at a time: its references and stores fill memory
@@ -150,7 +151,7 @@ def _parts(scenes: Sequence[str], names: Sequence[str], short: bool) -> Iterator
             if source not in played[scene.name, method]:
                 continue
             yield Part(scene, method, source, {})
-            if scene.variants and not short:
+            if scene.variants and not short and source == played[scene.name, method][0]:
                 yield from (Part(scene, method, source, options) for options in rules.variants(method))
 
 
@@ -171,7 +172,7 @@ def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
     """The parts, with a bar that names the one being played."""
     from tqdm.auto import tqdm
 
-    with tqdm(total=len(parts), disable=not progress, leave=False) as bar:
+    with tqdm(total=len(parts), disable=None if progress else True, leave=False) as bar:
         for part in parts:
             bar.set_description_str(f"{part.scene.name} {part.method} {results.short_source(part.source)}")
             yield part

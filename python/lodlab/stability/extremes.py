@@ -14,7 +14,7 @@ from ..errors import Unsupported
 from ..heightfield import HeightField
 from ..stores import Cut, Session
 from . import fields
-from .stage import Figure, Stage, Worst, chosen, look, refuses, state, zero_if_unseen
+from .stage import Figure, Stage, Worst, chosen, look, refuses, state
 
 FAR = 6.4e6  # metres: as far as Earth's surface is from its centre
 SHADES = 2  # levels of 255 by which a pixel may differ and still be the same
@@ -151,20 +151,22 @@ def extreme_views(stage: Stage) -> Iterator[Figure]:
     """Failure: views nobody tried: fields of view from 1 to 170 degrees, viewports of one pixel, the eye on the
     surface, below it, looking away, looking nowhere.
     Test: each is selected, drawn and measured. Figures: views answered with what is not finite, with an error beyond
-    the promise, with holes, with a capture that is not what was drawn, or with a figure where nothing is seen, limit
-    0; views that are none and are not refused with a typed error, limit 0.
+    the promise, with holes, cracks or what else no cut may have, or with a figure where nothing is seen, limit 0;
+    views that are none and are not refused with a typed error, limit 0.
     """
     session = stage.session()
     wrong, draw = [], None
     views = views_nobody_tried(stage)
     for name, view in views.items():
-        for pixels in (0.5, 8.0):
+        for pixels in (0.5,) if stage.short else (0.5, 8.0):
             cut = session.select(view, stage.pixel_error(pixels))
             if not _answered(stage, session, cut, view):
                 wrong.append(name)
                 draw = draw or stage.picture(session, cut, view)
-    shown = draw or stage.picture(session, session.select(views["fov 170"], stage.pixel_error(0.5)), views["fov 170"])
-    yield Figure(f"views answered wrongly{_first(wrong)}", len(wrong), "views", 0, shown())
+    if draw is None:
+        view = views["along the ground, at the border"]
+        draw = stage.picture(session, session.select(view, stage.pixel_error(0.5)), view)
+    yield Figure(f"views answered wrongly{_first(wrong)}", len(wrong), "views", 0, draw())
     good = {"eye": (0.0, 0.0, 9.0), "target": (1.0, 1.0, 0.0)}
     bad = [
         {"target": good["eye"]},
@@ -217,7 +219,7 @@ def _answered(stage: Stage, session: Session, cut: Cut, view: _core.View) -> boo
     sees = bool(np.isfinite(found.reference.depth).any())
     worst, claim = found.measured_px_max, cut.predicted_px
     ok = math.isfinite(claim) and claim >= 0.0 and found.image.shape == (view.size[1], view.size[0], 4)
-    ok &= found.hole_samples == 0 and zero_if_unseen(found.capture_mismatch_pixels) == 0
+    ok &= stage.flaws(found, cut) == 0
     ok &= math.isfinite(found.measured_max) and not math.isinf(worst)
     if not math.isnan(worst) and cut.promises_bound:
         ok &= worst <= claim + stage.pixel_slack(view)
@@ -259,7 +261,10 @@ def _budgets_nobody_tried(stage: Stage, session: Session, view: _core.View) -> I
     """Budgets as dicts, of the method's kinds alone."""
     huge = 10**18
     if "pixel_error" in stage.budgets:
-        yield from ({"pixel_error": v} for v in (1e-300, 1e-6, 1.0, 1e300, math.inf))
+        spread = np.geomspace(0.01, 1e3, 16).tolist()
+        claims = {session.select(view, _core.Budget(pixel_error=v)).predicted_px for v in spread}
+        just_missed = [0.999 * claim for claim in sorted(claims) if claim > 0.0]
+        yield from ({"pixel_error": v} for v in (1e-300, 1e-6, *spread, *just_missed, 1e300, math.inf))
     for kind in ("triangles", "nodes"):
         if kind not in stage.budgets:
             continue

@@ -73,7 +73,7 @@ def _cell(folder: Path, rows: Any, scene: Scene, method: str) -> str:
     verdict = worst["verdict"]
     text = html.escape(worst["figure"])
     if not np.isnan(worst["value"]):
-        text += f"<br><b>{_value(worst)}</b> <span class='faint'>limit {number(worst['limit'])}</span>"
+        text += f"<br><b>{_value(worst)}</b> <span class='faint'>limit {_number(worst['limit'])}</span>"
     if worst["source"]:
         text += f"<br><span class='faint'>{html.escape(short_source(worst['source']))}</span>"
     file = folder / "images" / picture_name(scene.name, method)
@@ -84,8 +84,13 @@ def _cell(folder: Path, rows: Any, scene: Scene, method: str) -> str:
     return f'<td class="{verdict}"><span class="verdict {verdict}">{WORDS[verdict]}</span><br>{text}</td>'
 
 
+def _number(value: float) -> str:
+    """Counts without decimals."""
+    return number(int(value) if value.is_integer() else value)
+
+
 def _value(row: Any) -> str:
-    return f"{number(row['value'])} {html.escape(row['unit'])}"
+    return f"{_number(row['value'])} {html.escape(row['unit'])}"
 
 
 def _scene(rows: Any, scene: Scene) -> str:
@@ -96,7 +101,7 @@ def _scene(rows: Any, scene: Scene) -> str:
     body = "".join(
         f"<tr><td>{html.escape(row['method'])}</td><td>{html.escape(short_source(row['source']))}"
         f'<div class="options">{_options(row)}</div></td><td>{html.escape(row["figure"])}</td>'
-        f'<td class="number">{_value(row)}</td><td class="number">{number(row["limit"])}</td>'
+        f'<td class="number">{_value(row)}</td><td class="number">{_number(row["limit"])}</td>'
         f'<td class="verdict {row["verdict"]}">{WORDS[row["verdict"]]}</td></tr>'
         for _, row in rows.iterrows()
     )

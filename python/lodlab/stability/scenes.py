@@ -25,7 +25,7 @@ SCENES: tuple[Scene, ...] = (
     Scene("s07", "Errors nest", structure.errors_nest, (*_HOME, "fractal:size=1025"), _HOME),
     Scene("s08", "Neighbours many levels apart", structure.neighbours, (*_REAL, "cliff"), _STEEP, variants=True),
     Scene("s09", "Corners of several levels", structure.corners, (*_REAL, "cliff"), _STEEP, variants=True),
-    Scene("s10", "Bounds are bounds", structure.bounds_hold, (*_WIDE, "planet:2-degrees"), _ROUND, variants=True),
+    Scene("s10", "Bounds are bounds", structure.bounds_hold, (*_REAL, "planet:2-degrees"), _ROUND, variants=True),
     Scene("s11", "Voids stay holes", structure.voids, _VOIDS, _VOIDS),
     Scene("s12", "Any size; flat, spike, cliff", structure.sizes, _SIZES, _SIZES),
     Scene("s13", "Large coordinates", extremes.large_coordinates, _ROUND, _ROUND),

@@ -27,6 +27,7 @@ from .tree import Tree
 
 SHORT_SIZE, LONG_SIZE = (320, 200), (640, 360)
 FLYOVER_FRAMES = 120
+FLAWS = ("inverted_triangles", "slanted_filler_triangles", "raised_filler_triangles", "capture_mismatch_pixels")
 NO_LIMIT = 10**15  # a count that no hard budget of a scene reaches
 
 
@@ -74,7 +75,7 @@ class Scene:
     play: Callable[[Stage], Iterator[Figure]]
     long: tuple[str, ...]
     short: tuple[str, ...]
-    variants: bool = False  # the long form also plays every choice of the method's draw options
+    variants: bool = False  # the long form also plays every choice of draw options, on the first source
 
 
 class Bench:
@@ -223,20 +224,35 @@ class Stage:
         """The cut that a frame of a run draws: selected and submitted, nothing read back."""
         return Cut(session.core.time_frame(view, budget, True)[0], session)
 
-    def examine(self, session: Session, cut: Cut, view: _core.View, before: Cut | None = None) -> Any:
-        """The instrument's `Measurement` of a drawn cut; `before`: the cut of the frame before, for pops."""
+    def examine(
+        self, session: Session, cut: Cut, view: _core.View, before: Cut | None = None, pictures: bool = True
+    ) -> Any:
+        """The instrument's `Measurement` of a drawn cut; `before`: the cut of the frame before, for pops.
+
+        Without `pictures`, figures that need a pass over the source at full resolution are nan: much cheaper.
+        """
         yardstick = self.bench.yardstick
+        reference = yardstick.reference(view) if pictures else None
         earlier = None if before is None else before.core
-        return yardstick.instrument().examine(
-            session.core, cut.core, view, yardstick.reference(view), yardstick.pictures, earlier
-        )
+        return yardstick.instrument().examine(session.core, cut.core, view, reference, reference is not None, earlier)
 
     def excess(self, session: Session, cut: Cut, view: _core.View) -> float:
         """How far the worst node of a cut lies beyond its bound as drawn and the slack, metres; negative: within."""
-        nodes, errors = self.examine(session, cut, view).node_errors()
+        nodes, errors = self.examine(session, cut, view, pictures=False).node_errors()
+        if not len(nodes):
+            return math.inf  # nothing is drawn
         bounds = np.full(int(self.tree.ids.max()) + 1, np.nan)
         bounds[cut.nodes["node"]] = cut.nodes["error"]
         return float(np.max(errors - bounds[nodes])) - self.bench.yardstick.instrument().slack(view)
+
+    @staticmethod
+    def flaws(found: Any, cut: Cut) -> float:
+        """What no drawn cut may have, counted: uncovered samples, cracks (pixels where the method draws fillers, edges
+        where it does not), inverted surface, fillers that could pass for it, pixels and triangles drawn otherwise than
+        captured and counted."""
+        columns = ["hole_samples", *FLAWS, "crack_pixels" if cut.filler_triangles else "crack_edges"]
+        count = sum(zero_if_unseen(float(getattr(found, column))) for column in columns)
+        return count + zero_if_unseen(abs(found.drawn_triangles - cut.triangles))
 
     def pixel_slack(self, view: _core.View) -> float:
         """The one slack of the laws in pixels: 0.01, and four float steps at the distance to the eye."""

@@ -95,6 +95,12 @@ struct Hole : Family {
   }
 };
 
+/// A triangle less a node, wherever it is asked.
+struct UnderReports : Family {
+  UnderReports() : Family("under_reports", "Reports fewer triangles than it draws.") {}
+  int64_t told(int64_t triangles) const override { return triangles - 1; }
+};
+
 struct Inverted : Family {
   Inverted() : Family("inverted", "Winds every triangle the other way.") {}
   void change(Mesh& mesh, double) const override {
@@ -138,6 +144,24 @@ struct Disguise : Family {
   }
 };
 
+/// Upright fillers, taller than anything that they could hide.
+struct Wall : Family {
+  Wall() : Family("wall", "Puts up walls of filler before its surface.") {}
+  void change(Mesh& mesh, double gap) const override {
+    for (uint32_t i = kRow * (kSide / 2), end = i + kSide; i < end; ++i) {
+      const auto first = static_cast<uint32_t>(mesh.vertices.size());
+      for (const uint32_t foot : {i, i + 1}) {
+        Vertex v = mesh.vertices[foot];
+        v.filler = 1;
+        mesh.vertices.push_back(v);
+        v.height += static_cast<float>(gap);
+        mesh.vertices.push_back(v);
+      }
+      mesh.indices.insert(mesh.indices.end(), {first, first + 2, first + 3, first, first + 3, first + 1});
+    }
+  }
+};
+
 struct NotANumber : Family {
   NotANumber() : Family("not_a_number", "One vertex of one node is no number.") {}
   void change(Mesh& mesh, double) const override {
@@ -160,19 +184,21 @@ const OverTriangles kOverTriangles;
 const OverNodes kOverNodes;
 const OverPixels kOverPixels;
 const Hole kHole;
+const UnderReports kUnderReports;
 const Inverted kInverted;
 const TwoFaced kTwoFaced;
 const TwoFacedWhole kTwoFacedWhole;
 const Disguise kDisguise;
+const Wall kWall;
 const NotANumber kNotANumber;
 const Nothing kNothing;
 
 /// They join the registry when the module is loaded.
 const bool kRegistered = [] {
-  for (const Method* method :
-       std::initializer_list<const Method*>{&kHonest, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker,
-                                            &kOverTriangles, &kOverNodes, &kOverPixels, &kHole, &kInverted,
-                                            &kTwoFaced, &kTwoFacedWhole, &kDisguise, &kNotANumber, &kNothing})
+  for (const Method* method : std::initializer_list<const Method*>{
+           &kHonest, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker, &kOverTriangles, &kOverNodes,
+           &kOverPixels, &kHole, &kUnderReports, &kInverted, &kTwoFaced, &kTwoFacedWhole, &kDisguise, &kWall,
+           &kNotANumber, &kNothing})
     register_method(method);
   return true;
 }();

@@ -71,6 +71,7 @@ Node make_node(const Family& method, const HeightField& field, double gap, int64
       if (!v.filler && std::isfinite(v.height)) box.add(field.position(v.row, v.col, double(v.height)));
     }
     node.error[resolution] = method.bound(worst);
+    node.triangles[resolution] = method.told(node.triangles[resolution]);
   }
   for (int i = 0; i < 3; ++i) {
     node.lo[i] = box.lo[i];

@@ -51,6 +51,8 @@ class Family : public Method {
   virtual void change(Mesh&, double /*gap*/) const {}
   /// The bound that the store keeps, from the largest deviation.
   virtual double bound(double deviation) const { return deviation; }
+  /// The number of triangles that it reports of a node.
+  virtual int64_t told(int64_t triangles) const { return triangles; }
   /// The budget that selection goes by, and that it compares with to claim that it was met.
   virtual Budget allowed(const Budget& budget) const { return budget; }
   /// The resolution of the cut: `honest` is what it should be, `before` that of the last selection (-1: there

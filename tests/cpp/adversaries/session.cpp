@@ -171,8 +171,9 @@ void FamilySession::draw(const Cut& cut, render::Pass& pass) {
     const Gpu::Range& range = gpu_->ranges[picked.node * kResolutions + static_cast<size_t>(resolution)];
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(range.count), GL_UNSIGNED_INT,
                    reinterpret_cast<const void*>(sizeof(uint32_t) * static_cast<size_t>(range.first)));
-    pass.submitted.triangles += range.count / 3;
-    pass.submitted.filler_triangles += hierarchy_->node[picked.node].fillers[resolution];
+    const Node& node = hierarchy_->node[picked.node];
+    pass.submitted.triangles += node.triangles[resolution];
+    pass.submitted.filler_triangles += node.fillers[resolution];
     pass.submitted.vertices += (kSide + 1) * (kSide + 1);
     ++pass.submitted.nodes;
     ++pass.submitted.draw_calls;
