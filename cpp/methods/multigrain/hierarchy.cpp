@@ -121,6 +121,7 @@ Forest::Forest(std::shared_ptr<const Store> opened)
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
 }
 
+/// A node's own edges are fewer than its children's: rows are raised to those of the children at equal stride.
 std::vector<NodeInfo> Forest::nodes() const {
   std::vector<NodeInfo> rows;
   rows.reserve(resolution.size());
@@ -130,6 +131,15 @@ std::vector<NodeInfo> Forest::nodes() const {
     for (int k = n.least; k <= n.most; ++k) {
       rows.push_back(
           {static_cast<int64_t>(i), n.parent, n.level, k, at(n, k).triangles, stored_error(n, k), box});
+    }
+  }
+  for (size_t i = node.size(); i-- > 0;) {
+    const Node& n = node[i];
+    if (n.parent < 0) continue;
+    const Node& above = node[static_cast<size_t>(n.parent)];
+    for (int k = std::max<int>(above.least, n.least + 1); k <= std::min<int>(above.most, n.most + 1); ++k) {
+      NodeInfo& row = rows[above.first_resolution + static_cast<uint32_t>(k - above.least)];
+      row.error = std::max(row.error, rows[n.first_resolution + static_cast<uint32_t>(k - 1 - n.least)].error);
     }
   }
   return rows;
