@@ -8,6 +8,7 @@
 #include "bindings/common.h"
 #include "geometry/fractal.h"
 #include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 
 namespace py = pybind11;
 
@@ -41,26 +42,34 @@ void check_2d(const Floats& heights, const char* operation) {
                      " dimensions, not 2");
 }
 
-std::shared_ptr<HeightField> make(const Floats& heights, const std::optional<Mask>& valid, double dx,
-                                  double dy, double x0, double y0, bool planet, double radius, double lon0,
-                                  double lat0, double dlon, double dlat, bool wraps, double height_step,
-                                  const std::string& spec) {
+/// The keywords of a frame, as frame_dict gives them; those that are missing keep their defaults.
+FieldFrame frame_of(int64_t rows, int64_t cols, const py::kwargs& keys) {
+  FieldFrame f;
+  f.rows = rows;
+  f.cols = cols;
+  const std::map<std::string, double*> numbers{{"dx", &f.dx},         {"dy", &f.dy},
+                                               {"x0", &f.x0},         {"y0", &f.y0},
+                                               {"radius", &f.radius}, {"lon0", &f.lon0},
+                                               {"lat0", &f.lat0},     {"dlon", &f.dlon},
+                                               {"dlat", &f.dlat},     {"height_step", &f.height_step}};
+  const std::map<std::string, bool*> flags{{"planet", &f.planet}, {"wraps", &f.wraps}};
+  for (const auto& [key, value] : keys) {
+    const std::string name = py::str(key);
+    if (const auto number = numbers.find(name); number != numbers.end()) {
+      *number->second = value.cast<double>();
+    } else if (const auto flag = flags.find(name); flag != flags.end()) {
+      *flag->second = value.cast<bool>();
+    } else {
+      throw py::type_error("HeightField: unknown keyword " + name);
+    }
+  }
+  return f;
+}
+
+std::shared_ptr<HeightField> make(const Floats& heights, const std::optional<Mask>& valid,
+                                  const std::string& spec, const py::kwargs& keys) {
   check_2d(heights, "HeightField");
-  FieldFrame frame;
-  frame.rows = heights.shape(0);
-  frame.cols = heights.shape(1);
-  frame.dx = dx;
-  frame.dy = dy;
-  frame.x0 = x0;
-  frame.y0 = y0;
-  frame.planet = planet;
-  frame.radius = radius;
-  frame.lon0 = lon0;
-  frame.lat0 = lat0;
-  frame.dlon = dlon;
-  frame.dlat = dlat;
-  frame.wraps = wraps;
-  frame.height_step = height_step;
+  const FieldFrame frame = frame_of(heights.shape(0), heights.shape(1), keys);
   const uint8_t* mask = mask_of(valid, heights, "HeightField");
   const float* samples = heights.data();
   auto owner = keep(valid ? py::object(py::make_tuple(heights, *valid)) : py::object(heights));
@@ -133,6 +142,56 @@ Floats fractal_window(int64_t rows, int64_t cols, int64_t row0, int64_t col0, ui
   return out;
 }
 
+/// Looks for Ctrl-C and passes on how far a reading is; called without the GIL.
+Progress ticking(const std::optional<py::function>& progress) {
+  return [&progress](const std::string& stage, double share) {
+    const py::gil_scoped_acquire gil;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (progress) (*progress)(stage, share);
+  };
+}
+
+std::shared_ptr<WindowedField> survey(const FieldFrame& frame, ReadRows read, const std::string& spec,
+                                      const std::optional<py::function>& progress) {
+  const py::gil_scoped_release release;
+  return std::const_pointer_cast<WindowedField>(
+      make_windowed_field(frame, std::move(read), spec, ticking(progress)));
+}
+
+/// `read(first_row, rows)` gives (rows, cols) float32, C-contiguous.
+std::shared_ptr<WindowedField> windowed(int64_t rows, int64_t cols, const py::function& read,
+                                        const std::string& spec, const std::optional<py::function>& progress,
+                                        const py::kwargs& keys) {
+  const auto held = keep(read);
+  const auto from_python = [held, cols](int64_t first, int64_t count, float* out) {
+    const py::gil_scoped_acquire gil;
+    const auto& call = *static_cast<const py::object*>(held.get());
+    const py::object given = call(first, count);
+    if (!py::isinstance<Floats>(given)) throw InvalidInput("WindowedField: its rows are not float32");
+    const auto array = py::reinterpret_borrow<Floats>(given);
+    if (array.ndim() != 2 || array.shape(0) != count || array.shape(1) != cols) {
+      throw InvalidInput("WindowedField: " + std::to_string(count) + " x " + std::to_string(cols) +
+                         " samples were asked for, others were read");
+    }
+    std::copy_n(array.data(), count * cols, out);
+  };
+  return survey(frame_of(rows, cols, keys), from_python, spec, progress);
+}
+
+/// The generated terrain, its heights times `scale`.
+std::shared_ptr<WindowedField> windowed_fractal(int64_t rows, int64_t cols, uint64_t seed, double roughness,
+                                                double scale, const std::string& spec,
+                                                const std::optional<py::function>& progress,
+                                                const py::kwargs& keys) {
+  const auto read = [=](int64_t first, int64_t count, float* out) {
+    fractal_heights({seed, roughness}, first, 0, count, cols, out);
+    if (scale == 1.0) return;
+    for (int64_t i = 0; i < count * cols; ++i)
+      out[i] = static_cast<float>(static_cast<double>(out[i]) * scale);
+  };
+  return survey(frame_of(rows, cols, keys), read, spec, progress);
+}
+
 void fill(Floats heights, const std::optional<Mask>& valid) {
   check_2d(heights, "fill_voids");
   const uint8_t* mask = mask_of(valid, heights, "fill_voids");
@@ -142,16 +201,55 @@ void fill(Floats heights, const std::optional<Mask>& valid) {
   fill_voids(samples, mask, rows, cols);
 }
 
+/// Where a field lies, as properties and as a dict.
+template <class Field>
+void bind_frame(py::class_<Field, std::shared_ptr<Field>>& type) {
+  type.def_readonly("rows", &Field::rows)
+      .def_readonly("cols", &Field::cols)
+      .def_readonly("dx", &Field::dx)
+      .def_readonly("dy", &Field::dy)
+      .def_readonly("x0", &Field::x0)
+      .def_readonly("y0", &Field::y0)
+      .def_readonly("planet", &Field::planet)
+      .def_readonly("radius", &Field::radius)
+      .def_readonly("lon0", &Field::lon0)
+      .def_readonly("lat0", &Field::lat0)
+      .def_readonly("dlon", &Field::dlon)
+      .def_readonly("dlat", &Field::dlat)
+      .def_readonly("wraps", &Field::wraps)
+      .def_readonly("z_min", &Field::z_min)
+      .def_readonly("z_max", &Field::z_max)
+      .def_readonly("height_step", &Field::height_step)
+      .def_readonly("spec", &Field::spec)
+      .def("frame", [](const Field& field) { return frame_dict(field); });
+}
+
+void bind_windowed(py::module_& module) {
+  py::class_<WindowedField, std::shared_ptr<WindowedField>> type(
+      module, "WindowedField", "A grid of heights larger than memory, read by bands of rows.");
+  type.def(py::init(&windowed), py::arg("rows"), py::arg("cols"), py::arg("read"), py::kw_only(),
+           py::arg("spec") = "", py::arg("progress") = py::none(),
+           "Reads everything once. `read(first_row, rows)` gives (rows, cols) float32. `progress(stage, "
+           "share)`. Further keywords as HeightField's.")
+      .def_static("fractal", &windowed_fractal, py::arg("rows"), py::arg("cols"), py::arg("seed"),
+                  py::arg("roughness"), py::arg("scale"), py::kw_only(), py::arg("spec") = "",
+                  py::arg("progress") = py::none(), "The generated terrain, heights times `scale`.")
+      .def(
+          "hash", [](const WindowedField& field) { return field.hash; },
+          "32 hex digits: those of a HeightField of the same samples.");
+  bind_frame(type);
+}
+
 }  // namespace
 
 void bind_field(py::module_& module) {
-  py::class_<HeightField, std::shared_ptr<HeightField>>(module, "HeightField",
-                                                        "A grid of finite heights and where it lies.")
-      .def(py::init(&make), py::arg("heights").noconvert(), py::arg("valid").noconvert() = py::none(),
-           py::kw_only(), py::arg("dx") = 1.0, py::arg("dy") = 1.0, py::arg("x0") = 0.0, py::arg("y0") = 0.0,
-           py::arg("planet") = false, py::arg("radius") = 6371000.0, py::arg("lon0") = 0.0,
-           py::arg("lat0") = 90.0, py::arg("dlon") = 0.0, py::arg("dlat") = 0.0, py::arg("wraps") = false,
-           py::arg("height_step") = 0.0, py::arg("spec") = "")
+  bind_windowed(module);
+  py::class_<HeightField, std::shared_ptr<HeightField>> type(module, "HeightField",
+                                                             "A grid of finite heights and where it lies.");
+  bind_frame(type);
+  type.def(py::init(&make), py::arg("heights").noconvert(), py::arg("valid").noconvert() = py::none(),
+           py::kw_only(), py::arg("spec") = "",
+           "Further keywords: those of frame() but rows, cols, z_min and z_max.")
       .def_property_readonly("heights",
                              [](const py::object& self) {
                                const auto& field = self.cast<const HeightField&>();
@@ -163,26 +261,8 @@ void bind_field(py::module_& module) {
                                if (field.valid == nullptr) return py::none();
                                return view_of(field.valid, self, field);
                              })
-      .def_readonly("rows", &HeightField::rows)
-      .def_readonly("cols", &HeightField::cols)
-      .def_readonly("dx", &HeightField::dx)
-      .def_readonly("dy", &HeightField::dy)
-      .def_readonly("x0", &HeightField::x0)
-      .def_readonly("y0", &HeightField::y0)
-      .def_readonly("planet", &HeightField::planet)
-      .def_readonly("radius", &HeightField::radius)
-      .def_readonly("lon0", &HeightField::lon0)
-      .def_readonly("lat0", &HeightField::lat0)
-      .def_readonly("dlon", &HeightField::dlon)
-      .def_readonly("dlat", &HeightField::dlat)
-      .def_readonly("wraps", &HeightField::wraps)
-      .def_readonly("z_min", &HeightField::z_min)
-      .def_readonly("z_max", &HeightField::z_max)
-      .def_readonly("height_step", &HeightField::height_step)
-      .def_readonly("spec", &HeightField::spec)
       .def("hash", &HeightField::hash, py::call_guard<py::gil_scoped_release>(),
            "32 hex digits of frame, heights and mask.")
-      .def("frame", [](const HeightField& field) { return frame_dict(field); })
       .def("position", &positions, py::arg("rows"), py::arg("cols"),
            "World positions (N, 3) float64 of samples.");
   module.def("fill_voids", &fill, py::arg("heights").noconvert(), py::arg("valid").noconvert() = py::none(),

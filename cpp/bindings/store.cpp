@@ -19,6 +19,7 @@
 #include <optional>
 #include <set>
 #include <thread>
+#include <variant>
 
 #include "base/errors.h"
 #include "bindings/common.h"
@@ -114,6 +115,7 @@ py::list list_methods() {
     py::list options;
     for (const OptionSpec& option : info.options) options.append(describe(option));
     entry["options"] = options;
+    entry["by_rows"] = info.by_rows;
     out.append(entry);
   }
   return out;
@@ -210,7 +212,15 @@ class Building {
   std::thread thread_;  // last: it uses all the others
 };
 
-std::shared_ptr<PyStore> build(std::shared_ptr<HeightField> field, const std::string& method_name,
+/// What is built from: in memory, or read by rows.
+using Field = std::variant<std::shared_ptr<HeightField>, std::shared_ptr<WindowedField>>;
+
+Source source_of(const Field& field) {
+  if (const auto* whole = std::get_if<0>(&field)) return {*whole};
+  return {nullptr, std::get<1>(field)};
+}
+
+std::shared_ptr<PyStore> build(const Field& field, const std::string& method_name,
                                const std::filesystem::path& path, const py::dict& options,
                                const std::string& mode, const std::optional<py::function>& progress) {
   const Method& method = find_method(method_name);
@@ -223,7 +233,7 @@ std::shared_ptr<PyStore> build(std::shared_ptr<HeightField> field, const std::st
   };
   const py::gil_scoped_release release;
   Building building([&](const Progress& report) {
-    return with_method(build_store({field}, method, values, path.string(), build_mode, report));
+    return with_method(build_store(source_of(field), method, values, path.string(), build_mode, report));
   });
   return building.wait(tick);
 }

@@ -18,6 +18,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/angles.h"
+#include "geometry/height_check.h"
 
 namespace lodlab {
 namespace {
@@ -91,39 +92,6 @@ void check_planet(const FieldFrame& f) {
   if (f.wraps && std::abs(steps * f.dlon - 360.0) > kAngleSlack) {
     refuse("a planet that wraps spans 360 degrees, not " + number(steps * f.dlon));
   }
-}
-
-struct Range {
-  double lo = std::numeric_limits<double>::infinity(), hi = -std::numeric_limits<double>::infinity();
-};
-
-/// Smallest and largest height; refuses the first that is not finite or that drawing could not subtract from.
-Range height_range(const FieldFrame& f, const float* heights) {
-  Range range;
-  std::mutex mutex;
-  int64_t bad = f.rows * f.cols;
-  parallel_for(f.rows * f.cols, int64_t{1} << 20, [&](int64_t begin, int64_t end) {
-    float lo = heights[begin], hi = heights[begin];
-    int64_t first = f.rows * f.cols;
-    for (int64_t i = begin; i < end; ++i) {
-      if (!(std::abs(heights[i]) <= kMostHeight)) {
-        first = i;
-        break;
-      }
-      lo = std::min(lo, heights[i]);
-      hi = std::max(hi, heights[i]);
-    }
-    const std::lock_guard lock(mutex);
-    bad = std::min(bad, first);
-    range.lo = std::min<double>(range.lo, lo);
-    range.hi = std::max<double>(range.hi, hi);
-  });
-  if (bad < f.rows * f.cols) {
-    refuse("height " + number(heights[bad]) + " at row " + std::to_string(bad / f.cols) + ", column " +
-           std::to_string(bad % f.cols) +
-           (std::isfinite(heights[bad]) ? " is not within 1e+36 of 0" : " is not finite"));
-  }
-  return range;
 }
 
 /// Reads flat JSON objects of numbers and booleans, which is all that frames are.
@@ -203,14 +171,64 @@ glm::dvec3 FieldFrame::position(int64_t row, int64_t col, double height) const {
   return {x0 + static_cast<double>(col) * dx, y0 - static_cast<double>(row) * dy, height};
 }
 
-std::string HeightField::hash() const {
-  XXH3_state_t state;
-  XXH3_128bits_reset(&state);
-  const std::string frame = frame_to_json(*this);
-  XXH3_128bits_update(&state, frame.data(), frame.size());
-  const size_t samples = static_cast<size_t>(rows * cols);
-  XXH3_128bits_update(&state, heights, samples * sizeof(float));
-  if (valid != nullptr) XXH3_128bits_update(&state, valid, samples);
+void check_frame(const FieldFrame& frame) {
+  check_grid(frame);
+  if (frame.planet) check_planet(frame);
+  if (frame.wraps && !frame.planet) refuse("only a planet wraps");
+}
+
+void widen(HeightRange& range, const FieldFrame& f, const float* heights, int64_t first_row, int64_t rows) {
+  std::mutex mutex;
+  int64_t bad = rows * f.cols;
+  parallel_for(rows * f.cols, int64_t{1} << 20, [&](int64_t begin, int64_t end) {
+    float lo = heights[begin], hi = heights[begin];
+    int64_t first = rows * f.cols;
+    for (int64_t i = begin; i < end; ++i) {
+      if (!(std::abs(heights[i]) <= kMostHeight)) {
+        first = i;
+        break;
+      }
+      lo = std::min(lo, heights[i]);
+      hi = std::max(hi, heights[i]);
+    }
+    const std::lock_guard lock(mutex);
+    bad = std::min(bad, first);
+    range.lo = std::min<double>(range.lo, lo);
+    range.hi = std::max<double>(range.hi, hi);
+  });
+  if (bad < rows * f.cols) {
+    refuse("height " + number(heights[bad]) + " at row " + std::to_string(first_row + bad / f.cols) +
+           ", column " + std::to_string(bad % f.cols) +
+           (std::isfinite(heights[bad]) ? " is not within 1e+36 of 0" : " is not finite"));
+  }
+}
+
+void set_range(FieldFrame& frame, const HeightRange& range) {
+  frame.z_min = range.lo;
+  frame.z_max = range.hi;
+  if (frame.planet && frame.radius + range.lo <= 0.0) {
+    refuse("lowest height " + number(range.lo) + " reaches the centre of a planet of radius " +
+           number(frame.radius));
+  }
+}
+
+struct HeightHash::State {
+  XXH3_state_t heights;
+};
+
+HeightHash::HeightHash() : state_(std::make_unique<State>()) { XXH3_128bits_reset(&state_->heights); }
+
+HeightHash::~HeightHash() = default;
+
+void HeightHash::add(const float* heights, int64_t count) {
+  XXH3_128bits_update(&state_->heights, heights, static_cast<size_t>(count) * sizeof(float));
+}
+
+std::string HeightHash::finish(const FieldFrame& frame, const uint8_t* valid) const {
+  XXH3_state_t state = state_->heights;
+  if (valid != nullptr) XXH3_128bits_update(&state, valid, static_cast<size_t>(frame.rows * frame.cols));
+  const std::string text_of_frame = frame_to_json(frame);
+  XXH3_128bits_update(&state, text_of_frame.data(), text_of_frame.size());
   const XXH128_hash_t digest = XXH3_128bits_digest(&state);
   char text[33];
   std::snprintf(text, sizeof text, "%016llx%016llx", static_cast<unsigned long long>(digest.high64),
@@ -218,21 +236,21 @@ std::string HeightField::hash() const {
   return text;
 }
 
+std::string HeightField::hash() const {
+  HeightHash hash;
+  hash.add(heights, rows * cols);
+  return hash.finish(*this, valid);
+}
+
 std::shared_ptr<const HeightField> make_height_field(const FieldFrame& frame, const float* heights,
                                                      const uint8_t* valid, std::shared_ptr<const void> owner,
                                                      std::string spec) {
-  check_grid(frame);
-  if (frame.planet) check_planet(frame);
-  if (frame.wraps && !frame.planet) refuse("only a planet wraps");
+  check_frame(frame);
   auto field = std::make_shared<HeightField>();
   static_cast<FieldFrame&>(*field) = frame;
-  const Range range = height_range(frame, heights);
-  field->z_min = range.lo;
-  field->z_max = range.hi;
-  if (frame.planet && frame.radius + range.lo <= 0.0) {
-    refuse("lowest height " + number(range.lo) + " reaches the centre of a planet of radius " +
-           number(frame.radius));
-  }
+  HeightRange range;
+  widen(range, frame, heights, 0, frame.rows);
+  set_range(*field, range);
   const int64_t samples = frame.rows * frame.cols;
   const bool any_void = valid != nullptr && std::find(valid, valid + samples, uint8_t{0}) != valid + samples;
   field->heights = heights;

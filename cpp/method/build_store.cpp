@@ -26,11 +26,17 @@ std::string show(double value) {
   return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
 }
 
-void check_accepts(const MethodInfo& info, const HeightField& field) {
-  const char* kind = field.planet ? "planet" : "heightfield";
+void check_accepts(const MethodInfo& info, const Source& source) {
+  const FieldFrame& frame = source.frame();
+  const char* kind = frame.planet ? "planet" : "heightfield";
   if (!lists(info.accepts, kind)) {
     throw Unsupported("build: method " + info.name + " does not accept a " + kind + "; it accepts " +
                       join(info.accepts));
+  }
+  if (source.field == nullptr && !info.by_rows) {
+    throw Unsupported("build: method " + info.name + " needs the source in memory; its " +
+                      std::to_string(frame.rows) + " x " + std::to_string(frame.cols) +
+                      " samples are read by windows");
   }
 }
 
@@ -40,11 +46,13 @@ std::shared_ptr<const Store> build_store(const Source& source, const Method& met
                                          const std::map<std::string, OptionValue>& options,
                                          const std::string& path, BuildMode mode, const Progress& progress) {
   const MethodInfo& info = method.info();
-  if (source.field == nullptr) throw InvalidInput("build: the source has no height field");
-  const HeightField& field = *source.field;
-  check_accepts(info, field);
+  if (source.field == nullptr && source.windowed == nullptr)
+    throw InvalidInput("build: the source has no height field");
+  check_accepts(info, source);
   const Options resolved = resolve_options(info.name, info.options, Stage::kBuild, options);
-  const StoreMeta meta{info.name, resolved.to_json(), field.hash(), field.spec, frame_to_json(field)};
+  const bool whole = source.field != nullptr;
+  const StoreMeta meta{info.name, resolved.to_json(), whole ? source.field->hash() : source.windowed->hash,
+                       whole ? source.field->spec : source.windowed->spec, frame_to_json(source.frame())};
   {
     StoreWriter writer(path, meta, mode);
     method.build(source, resolved, writer, [&](const std::string& stage, double share) {

@@ -18,6 +18,7 @@
 #include "base/progress.h"
 #include "geometry/bounds.h"
 #include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 #include "geometry/view.h"
 #include "render/pass.h"
 #include "store/store.h"
@@ -33,7 +34,12 @@ struct Budget {
 
 /// What a method builds from. Meshes join here with the first method that accepts them.
 struct Source {
-  std::shared_ptr<const HeightField> field;
+  std::shared_ptr<const HeightField> field;                 ///< in memory, or
+  std::shared_ptr<const WindowedField> windowed = nullptr;  ///< read by rows, where MethodInfo::by_rows
+
+  const FieldFrame& frame() const {
+    return field != nullptr ? static_cast<const FieldFrame&>(*field) : *windowed;
+  }
 };
 
 struct MethodInfo {
@@ -43,6 +49,7 @@ struct MethodInfo {
   std::vector<std::string> budgets;  ///< of pixel_error, triangles, nodes; empty: budgets are ignored
   bool reproduces_source = false;    ///< the finest cut is the source up to the store's quantum
   std::vector<OptionSpec> options;   ///< of both stages
+  bool by_rows = false;              ///< builds from sources larger than memory, too
 };
 
 /// A row per node and resolution: what `store.nodes` shows.
@@ -62,7 +69,7 @@ struct CutNode {
   float morph = 1.0f;    ///< 1: its own surface, 0: its parent's
   bool visible = true;   ///< false: outside the frustum, not submitted in pictures
   bool missing = false;  ///< finer data was wanted and is not there yet: this node stands in
-  double error = 0.0;    ///< bound on the distance to the source as drawn (morph, edges included), source units
+  double error = 0.0;  ///< bound on the distance to the source as drawn (morph, edges included), source units
 };
 
 /// What a method selected for a view under a budget. It covers the whole source.
@@ -89,6 +96,13 @@ class Session {
 
   /// Picks the cut. CPU only, deterministic given what is resident; streaming requests are issued here.
   virtual Cut select(const View& view, const Budget& budget) = 0;
+
+  /// The smallest largest projected error, pixels, that any cut of this hierarchy reaches for a view within
+  /// the hard budgets (a lower bound is enough); no smaller than the budget's pixel error. NaN: none that
+  /// keeps them, or not known. It may take long, and changes nothing.
+  virtual double optimum_px(const View& /*view*/, const Budget& /*budget*/) const {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
 
   /// A cut by hand: any nodes that cover the source exactly once. InvalidInput names the first gap,
   /// overlap or broken rule. `resolutions` is empty or as long as `nodes`.
@@ -143,8 +157,8 @@ const Method& find_method(const std::string& name);
 /// For tests: adds a method to the registry until the process ends.
 void register_method(const Method* method);
 
-/// Checks that the method accepts the source (Unsupported) and the options (InvalidInput), builds into
-/// `path` (temporary name, renamed when complete), returns the opened store.
+/// Checks that the method accepts the source and its windows (Unsupported) and the options (InvalidInput),
+/// builds into `path` (temporary name, renamed when complete), returns the opened store.
 std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
                                          const std::map<std::string, OptionValue>& options,
                                          const std::string& path, BuildMode mode, const Progress& progress);

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Build of multigrain: errors by block, the forest over them, and the heights as tiles. No GL.
+//
+// A field in memory is one band. A windowed one goes by in bands as high as a tile of stride 1: the blocks of
+// a band are measured, and tiles of coarser strides gather their rows from band to band until they are whole.
+// What is kept is a band, one row of tiles for each stride, and the errors.
 #include <algorithm>
 #include <atomic>
 #include <mutex>
@@ -8,6 +12,7 @@
 #include "base/parallel.h"
 #include "geometry/coverage.h"
 #include "method/sample_code.h"
+#include "methods/multigrain/measure.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/tiles.h"
 
@@ -49,7 +54,7 @@ std::vector<uint8_t> finest_strides(const Layout& layout, const BlockErrors& err
   return finest;
 }
 
-Box block_box(const HeightField& field, const Layout& layout, const BlockErrors& errors, int64_t block) {
+Box block_box(const HeightRows& field, const Layout& layout, const BlockErrors& errors, int64_t block) {
   const int log2 = layout.block_log2();
   const int64_t row = block / layout.blocks_x() << log2, col = block % layout.blocks_x() << log2;
   const int64_t last_row = row + layout.cells_y(row, log2, 0), last_col = col + layout.cells_x(col, log2, 0);
@@ -74,9 +79,9 @@ Box block_box(const HeightField& field, const Layout& layout, const BlockErrors&
 
 /// Bounds, errors and finest resolutions of all nodes, from those of their blocks.
 struct ForestBuilder {
-  const HeightField& field;
   const Layout& layout;
   const BlockErrors& errors;
+  const std::vector<Box>& boxes;  ///< of blocks
   std::vector<Node> nodes;
   std::vector<Resolution> resolutions;
 
@@ -96,10 +101,6 @@ struct ForestBuilder {
 
 void ForestBuilder::fill(const std::vector<uint8_t>& finest) {
   nodes = make_nodes(layout);
-  std::vector<Box> boxes(finest.size());
-  parallel_for(static_cast<int64_t>(boxes.size()), 16, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) boxes[static_cast<size_t>(i)] = block_box(field, layout, errors, i);
-  });
   for (Node& n : nodes) {
     Box box;
     int stride = layout.block_log2();
@@ -136,36 +137,126 @@ std::vector<int64_t> drawn_tiles(const Layout& layout, const Tiles& tiles, const
   return ids;
 }
 
-void put_tiles(const HeightField& field, const Tiles& tiles, const std::vector<int64_t>& ids,
-               StoreWriter& writer, const Progress& progress) {
-  std::atomic<int64_t> done = 0;
-  std::mutex mutex;
-  parallel_for(static_cast<int64_t>(ids.size()), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const int64_t id = ids[static_cast<size_t>(i)];
-      if (writer.has_page(kHeights, id)) continue;
-      const std::vector<float> heights = tiles.cut(field, tiles.at(id));
-      writer.put_page(kHeights, id, encode_samples(heights.data(), static_cast<int64_t>(heights.size())));
+/// Tiles on their way to the store: each gathers its rows from the bands that go by.
+class TileWriter {
+ public:
+  TileWriter(const Tiles& tiles, std::vector<int64_t> ids, StoreWriter& writer)
+      : tiles_(tiles), ids_(std::move(ids)), heights_(ids_.size()), writer_(writer) {}
+
+  /// Takes what its tiles need of rows [first, end] of the band, whose last one the next band has too.
+  void take(const HeightRows& band, int64_t first, int64_t end, const Progress& progress) {
+    std::vector<size_t> met;
+    for (size_t i = 0; i < ids_.size(); ++i) {
+      const Tile tile = tiles_.at(ids_[i]);
+      if (tile.row < end && last_row(tile) > first && !writer_.has_page(kHeights, ids_[i])) met.push_back(i);
     }
-    const int64_t so_far = done += end - begin;
-    const std::lock_guard lock(mutex);
-    if (progress) progress("heights", static_cast<double>(so_far) / static_cast<double>(ids.size()));
-  });
+    std::atomic<int64_t> done = 0;
+    std::mutex mutex;
+    parallel_for(static_cast<int64_t>(met.size()), 1, [&](int64_t from, int64_t to) {
+      for (int64_t i = from; i < to; ++i) take(band, met[static_cast<size_t>(i)]);
+      const int64_t so_far = done += to - from;
+      const std::lock_guard lock(mutex);
+      if (progress) progress("heights", static_cast<double>(so_far) / static_cast<double>(met.size()));
+    });
+  }
+
+ private:
+  int64_t last_row(const Tile& tile) const { return tiles_.source_row(tile, tile.rows - 1); }
+
+  void take(const HeightRows& band, size_t i) {
+    const Tile tile = tiles_.at(ids_[i]);
+    std::vector<float>& heights = heights_[i];
+    heights.resize(static_cast<size_t>(tile.samples()));
+    tiles_.fill(band, tile, heights.data());
+    if (last_row(tile) >= band.end_row) return;
+    writer_.put_page(kHeights, ids_[i], encode_samples(heights.data(), tile.samples()));
+    std::vector<float>().swap(heights);
+  }
+
+  const Tiles& tiles_;
+  std::vector<int64_t> ids_;
+  std::vector<std::vector<float>> heights_;  ///< of those that are under way
+  StoreWriter& writer_;
+};
+
+/// What one step of a build works on: rows [first, end] with their blocks, and what these need beyond.
+struct Step {
+  int64_t first, end;  ///< rows; the last one is the first of the next step
+  int64_t first_block, end_block;
+  int64_t above, below;  ///< rows that are needed, [above, below)
+};
+
+std::vector<Step> steps_of(const Bands& bands, const Layout& layout, int side_log2) {
+  const int64_t pitch = layout.blocks_x(), blocks = pitch * layout.blocks_y();
+  if (bands.whole() != nullptr) return {{0, layout.last_row(), 0, blocks, 0, layout.rows}};
+  const int64_t per_step = int64_t{1} << (side_log2 - layout.block_log2());
+  std::vector<Step> steps;
+  for (int64_t y = 0; y < layout.blocks_y(); y += per_step) {
+    const int64_t next = std::min(y + per_step, layout.blocks_y());
+    Step step{y << layout.block_log2(),
+              std::min(next << layout.block_log2(), layout.last_row()),
+              y * pitch,
+              next * pitch,
+              layout.rows,
+              0};
+    for (int64_t i = y; i < next; ++i) {
+      const Block block(layout, i * pitch);  // none is wider
+      const Reach beyond = rows_beyond(bands.frame(), block);
+      step.above = std::min(step.above, block.row - beyond.above);
+      step.below = std::max(step.below, block.row + block.height + beyond.below + 1);
+    }
+    steps.push_back(step);
+  }
+  return steps;
+}
+
+/// Reports work that goes from one share of the whole to another.
+Progress part_of(const Progress& progress, double from, double to) {
+  return [&progress, from, to](const std::string& stage, double share) {
+    if (progress) progress(stage, from + share * (to - from));
+  };
 }
 
 }  // namespace
 
-void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress) {
-  const Layout layout = choose_layout(field, options);
-  const bool drawn = options.text("bounds") == "drawn";
-  const BlockErrors errors =
-      measure_errors(field, layout, drawn ? Bounds::kDrawn : Bounds::kBilinear, progress);
-  ForestBuilder forest{field, layout, errors, {}, {}};
-  forest.fill(finest_strides(layout, errors, options.real("finest_error")));
+void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress) {
+  const Layout layout = choose_layout(bands.frame(), options);
+  const Bounds bounds = options.text("bounds") == "drawn" ? Bounds::kDrawn : Bounds::kBilinear;
+  const double finest_error = options.real("finest_error");
   const Tiles tiles(layout);
-  put_tiles(field, tiles, drawn_tiles(layout, tiles, forest.nodes), writer, progress);
-  const Bytes coverage = coverage_bits(field);
-  if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
+  const std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
+  const double half = 0.5 / static_cast<double>(steps.size());
+  // Where grids are left out, what is drawn is known once everything is measured: rows are read twice.
+  const bool at_once = !(finest_error > 0.0);
+  TileWriter all(tiles, at_once ? drawn_tiles(layout, tiles, make_nodes(layout)) : std::vector<int64_t>(),
+                 writer);
+  BlockErrors errors = no_errors(layout);
+  std::vector<Box> boxes(errors.low.size());
+  double share = 0.0;
+  const auto next_part = [&] {
+    share += half;
+    return part_of(progress, share - half, share);
+  };
+  for (const Step& step : steps) {
+    const HeightRows rows = bands.rows(step.above, step.below);
+    measure_errors(rows, layout, bounds, step.first_block, step.end_block, errors, next_part());
+    parallel_for(step.end_block - step.first_block, 16, [&](int64_t begin, int64_t end) {
+      for (int64_t i = step.first_block + begin; i < step.first_block + end; ++i)
+        boxes[static_cast<size_t>(i)] = block_box(rows, layout, errors, i);
+    });
+    if (at_once) all.take(rows, step.first, step.end, next_part());
+  }
+  ForestBuilder forest{layout, errors, boxes, {}, {}};
+  forest.fill(finest_strides(layout, errors, finest_error));
+  if (!at_once) {
+    TileWriter drawn(tiles, drawn_tiles(layout, tiles, forest.nodes), writer);
+    for (const Step& step : steps)
+      drawn.take(bands.rows(step.first, step.end + 1), step.first, step.end, next_part());
+  }
+  if (bands.whole() != nullptr) {
+    const Bytes coverage = coverage_bits(*bands.whole());
+    if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
+  }
   writer.put_array("layout",
                    as_bytes(std::vector<int32_t>{layout.chart_log2, layout.levels, layout.most_log2}));
   writer.put_array("nodes", as_bytes(forest.nodes));

@@ -13,11 +13,11 @@
 namespace lodlab::multigrain {
 namespace {
 
-std::pair<float, float> height_range(const HeightField& field, const Block& block) {
+std::pair<float, float> height_range(const HeightRows& field, const Block& block) {
   const int64_t count = std::min<int64_t>(block.width + 1, field.cols - block.col);
   float low = field.at(block.row, block.col), high = low;
   for (int64_t row = block.row; row <= block.row + block.height; ++row) {
-    const float* z = field.heights + row * field.cols + block.col;
+    const float* z = field.row(row) + block.col;
     float least = z[0], most = z[0];
 #pragma omp simd reduction(min : least) reduction(max : most)
     for (int64_t i = 0; i < count; ++i) {
@@ -57,8 +57,7 @@ void close(float* own, float* strips, int strides, int top) {
 
 }  // namespace
 
-BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bounds bounds,
-                           const Progress& progress) {
+BlockErrors no_errors(const Layout& layout) {
   BlockErrors out;
   out.strides = layout.block_log2() + 1;
   const int64_t blocks = layout.blocks_x() * layout.blocks_y(), strips = 4 * BlockErrors::pairs(out.strides);
@@ -66,15 +65,21 @@ BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bound
   out.strips.resize(static_cast<size_t>(blocks * strips));
   out.low.resize(static_cast<size_t>(blocks));
   out.high.resize(static_cast<size_t>(blocks));
+  return out;
+}
+
+void measure_errors(const HeightRows& rows, const Layout& layout, Bounds bounds, int64_t first, int64_t last,
+                    BlockErrors& out, const Progress& progress) {
+  const int64_t blocks = last - first, strips = 4 * BlockErrors::pairs(out.strides);
   std::atomic<int64_t> done = 0;
   std::mutex mutex;
   parallel_for(blocks, std::clamp<int64_t>(blocks / 64, 1, 32), [&](int64_t begin, int64_t end) {
-    const auto measurer = bounds == Bounds::kBilinear ? make_bilinear_measurer(field, layout)
-                          : field.planet              ? make_planet_measurer(field, layout)
-                                                      : make_flat_measurer(field, layout);
-    for (int64_t i = begin; i < end; ++i) {
+    const auto measurer = bounds == Bounds::kBilinear ? make_bilinear_measurer(rows, layout)
+                          : rows.planet               ? make_planet_measurer(rows, layout)
+                                                      : make_flat_measurer(rows, layout);
+    for (int64_t i = first + begin; i < first + end; ++i) {
       const Block block(layout, i);
-      const auto [low, high] = height_range(field, block);
+      const auto [low, high] = height_range(rows, block);
       float* own = out.own.data() + i * out.strides;
       float* strip = out.strips.data() + i * strips;
       measurer->measure(block, low, high, own, strip);
@@ -86,6 +91,12 @@ BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bound
     const std::lock_guard lock(mutex);
     if (progress) progress("errors", static_cast<double>(so_far) / static_cast<double>(blocks));
   });
+}
+
+BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bounds bounds,
+                           const Progress& progress) {
+  BlockErrors out = no_errors(layout);
+  measure_errors(field, layout, bounds, 0, layout.blocks_x() * layout.blocks_y(), out, progress);
   return out;
 }
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "base/progress.h"
-#include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 #include "methods/multigrain/layout.h"
 
 namespace lodlab::multigrain {
@@ -43,7 +43,15 @@ enum class Bounds {
   kBilinear,  ///< the paper's measure: heights against bilinear interpolation of the grid; strips are 0
 };
 
-/// In parallel over blocks; the same for any number of threads. Rounded up to float.
+/// For all blocks of a layout, 0 so far.
+BlockErrors no_errors(const Layout& layout);
+
+/// Measures blocks [first, end), all of whose rows, and those beyond (measure.h), are there. In parallel over
+/// blocks; the same for any number of threads and any bands. Rounded up to float.
+void measure_errors(const HeightRows& rows, const Layout& layout, Bounds bounds, int64_t first, int64_t end,
+                    BlockErrors& out, const Progress& progress);
+
+/// Of a field in memory.
 BlockErrors measure_errors(const HeightField& field, const Layout& layout, Bounds bounds,
                            const Progress& progress);
 

@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 #include "methods/multigrain/errors.h"
 
 namespace lodlab::multigrain {
@@ -26,6 +26,12 @@ struct Block {
         width(static_cast<int>(layout.cells_x(col, layout.block_log2(), 0))) {}
 };
 
+/// Rows north and south of a planet's block whose rays its triangles may meet; 0 in a flat field.
+struct Reach {
+  int above = 0, below = 0;
+};
+Reach rows_beyond(const FieldFrame& frame, const Block& block);
+
 class Measurer {
  public:
   virtual ~Measurer() = default;
@@ -33,8 +39,8 @@ class Measurer {
   virtual void measure(const Block& block, float low, float high, float* own, float* strips) = 0;
 };
 
-std::unique_ptr<Measurer> make_flat_measurer(const HeightField& field, const Layout& layout);
-std::unique_ptr<Measurer> make_planet_measurer(const HeightField& field, const Layout& layout);
-std::unique_ptr<Measurer> make_bilinear_measurer(const HeightField& field, const Layout& layout);
+std::unique_ptr<Measurer> make_flat_measurer(const HeightRows& field, const Layout& layout);
+std::unique_ptr<Measurer> make_planet_measurer(const HeightRows& field, const Layout& layout);
+std::unique_ptr<Measurer> make_bilinear_measurer(const HeightRows& field, const Layout& layout);
 
 }  // namespace lodlab::multigrain

@@ -12,7 +12,7 @@ namespace {
 
 class BilinearMeasurer : public Measurer {
  public:
-  BilinearMeasurer(const HeightField& field, const Layout& layout) : field_(field), layout_(layout) {}
+  BilinearMeasurer(const HeightRows& field, const Layout& layout) : field_(field), layout_(layout) {}
 
   void measure(const Block& block, float low, float high, float* own, float*) override {
     if (low == high) return;
@@ -50,13 +50,13 @@ class BilinearMeasurer : public Measurer {
     return worst;
   }
 
-  const HeightField& field_;
+  const HeightRows& field_;
   const Layout layout_;
 };
 
 }  // namespace
 
-std::unique_ptr<Measurer> make_bilinear_measurer(const HeightField& field, const Layout& layout) {
+std::unique_ptr<Measurer> make_bilinear_measurer(const HeightRows& field, const Layout& layout) {
   return std::make_unique<BilinearMeasurer>(field, layout);
 }
 

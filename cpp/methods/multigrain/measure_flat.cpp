@@ -137,7 +137,7 @@ Lanes measure_strip(const Samples<Lanes>& samples, int length, int depth, int a,
 
 class FlatMeasurer : public Measurer {
  public:
-  FlatMeasurer(const HeightField& field, const Layout& layout)
+  FlatMeasurer(const HeightRows& field, const Layout& layout)
       : field_(field), layout_(layout), log2_(layout.block_log2()), top_(layout.largest_stride_log2()) {}
 
   void measure(const Block& block, float low, float high, float* own, float* strips) override {
@@ -178,7 +178,7 @@ class FlatMeasurer : public Measurer {
     return largest(worst) + rounding_;
   }
   const float* first(const Block& block) const {
-    return field_.heights + block.row * field_.cols + block.col;
+    return field_.row(block.row) + block.col;
   }
 
   /// The samples beside this edge, its own line first.
@@ -227,7 +227,7 @@ class FlatMeasurer : public Measurer {
     });
   }
 
-  const HeightField& field_;
+  const HeightRows& field_;
   const Layout layout_;
   const int log2_, top_;
   float middle_ = 0.0f, rounding_ = 0.0f;
@@ -237,7 +237,7 @@ class FlatMeasurer : public Measurer {
 
 }  // namespace
 
-std::unique_ptr<Measurer> make_flat_measurer(const HeightField& field, const Layout& layout) {
+std::unique_ptr<Measurer> make_flat_measurer(const HeightRows& field, const Layout& layout) {
   return std::make_unique<FlatMeasurer>(field, layout);
 }
 

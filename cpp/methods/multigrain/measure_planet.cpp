@@ -63,9 +63,14 @@ inline double row_error(const Row& row, const double* c, const double* s, const 
   return worst;
 }
 
+/// Of half the longitude across so many columns, rounded down.
+double half_cosine(const FieldFrame& frame, int columns) {
+  return cos_sin_degrees(0.5 * columns * frame.dlon).x * (1.0 - 1e-12);
+}
+
 class PlanetMeasurer : public Measurer {
  public:
-  PlanetMeasurer(const HeightField& field, const Layout& layout)
+  PlanetMeasurer(const HeightRows& field, const Layout& layout)
       : field_(field), layout_(layout), log2_(layout.block_log2()), top_(layout.largest_stride_log2()) {}
 
   void measure(const Block& block, float, float, float* own, float* strips) override {
@@ -119,19 +124,10 @@ class PlanetMeasurer : public Measurer {
     odd_ = ((block.x + block.y) & 1) != 0;
     row0_ = block.row;
     half_cosine_.resize(static_cast<size_t>(width_ + 1));
-    for (int i = 0; i <= width_; ++i)
-      half_cosine_[static_cast<size_t>(i)] = cos_sin_degrees(0.5 * i * field_.dlon).x * (1.0 - 1e-12);
-    const auto slope = [&](int64_t row) {
-      const glm::dvec2 lat = cos_sin_degrees(field_.latitude(row));
-      return lat.y / lat.x;
-    };
-    const double widest = half_cosine_.back();
-    above_ = below_ = 0;
-    const double north = slope(block.row), south = -slope(block.row + height_);
-    while (north > 0.0 && block.row - above_ > 0 && slope(block.row - above_ - 1) * widest <= north) ++above_;
-    while (south > 0.0 && block.row + height_ + below_ < field_.rows - 1 &&
-           -slope(block.row + height_ + below_ + 1) * widest <= south)
-      ++below_;
+    for (int i = 0; i <= width_; ++i) half_cosine_[static_cast<size_t>(i)] = half_cosine(field_, i);
+    const Reach reach = rows_beyond(field_, block);
+    above_ = reach.above;
+    below_ = reach.below;
     const int rows = above_ + height_ + below_ + 1;
     lat_.resize(static_cast<size_t>(rows));
     slope_.resize(lat_.size());
@@ -196,7 +192,7 @@ class PlanetMeasurer : public Measurer {
 
   void measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const;
 
-  const HeightField& field_;
+  const HeightRows& field_;
   const Layout layout_;
   const int log2_, top_;
   // The block that was loaded; tables of rows start `above_` rows before it.
@@ -259,7 +255,25 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
 
 }  // namespace
 
-std::unique_ptr<Measurer> make_planet_measurer(const HeightField& field, const Layout& layout) {
+Reach rows_beyond(const FieldFrame& frame, const Block& block) {
+  Reach reach;
+  if (!frame.planet) return reach;
+  const auto slope = [&](int64_t row) {
+    const glm::dvec2 lat = cos_sin_degrees(frame.latitude(row));
+    return lat.y / lat.x;
+  };
+  const double widest = half_cosine(frame, block.width);
+  const int64_t last = block.row + block.height;
+  const double north = slope(block.row), south = -slope(last);
+  while (north > 0.0 && block.row - reach.above > 0 && slope(block.row - reach.above - 1) * widest <= north)
+    ++reach.above;
+  while (south > 0.0 && last + reach.below < frame.rows - 1 &&
+         -slope(last + reach.below + 1) * widest <= south)
+    ++reach.below;
+  return reach;
+}
+
+std::unique_ptr<Measurer> make_planet_measurer(const HeightRows& field, const Layout& layout) {
   return std::make_unique<PlanetMeasurer>(field, layout);
 }
 

@@ -77,12 +77,14 @@ class Multigrain : public Method {
         {"heightfield", "planet"},
         {"pixel_error", "triangles", "nodes"},
         true,
-        option_table()};
+        option_table(),
+        true};
     return kInfo;
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    multigrain::build(*source.field, options, writer, progress);
+    multigrain::build(source.field != nullptr ? Bands(source.field) : Bands(source.windowed), options, writer,
+                      progress);
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
     return std::make_shared<Forest>(std::move(store));

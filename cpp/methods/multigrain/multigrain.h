@@ -6,7 +6,7 @@
 #pragma once
 
 #include "base/options.h"
-#include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 #include "methods/multigrain/hierarchy.h"
 #include "methods/multigrain/layout.h"
 
@@ -26,6 +26,6 @@ std::vector<Node> make_nodes(const Layout& layout);
 /// Triangles of a grid: two a cell, one beside a pole.
 int64_t triangle_count(const Layout& layout, const Node& node, int resolution);
 
-void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress);
+void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress);
 
 }  // namespace lodlab::multigrain

@@ -16,21 +16,20 @@ Tile Tiles::at(int64_t id) const {
   return {a, row, col, layout_.cells_y(row, log2, a) + 1, layout_.cells_x(col, log2, a) + 1};
 }
 
-std::vector<float> Tiles::cut(const HeightField& field, const Tile& tile) const {
-  std::vector<float> out(static_cast<size_t>(tile.samples()));
+void Tiles::fill(const HeightRows& band, const Tile& tile, float* heights) const {
   const int64_t last = std::min(tile.col + ((tile.cols - 1) << tile.stride_log2), layout_.last_col());
   for (int64_t j = 0; j < tile.rows; ++j) {
-    const int64_t row = std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
-    const float* z = field.heights + row * field.cols;
-    float* to = out.data() + j * tile.cols;
+    const int64_t row = source_row(tile, j);
+    if (row < band.first_row || row >= band.end_row) continue;
+    const float* z = band.row(row);
+    float* to = heights + j * tile.cols;
     if ((layout_.pole_first && row == 0) || (layout_.pole_last && row == layout_.last_row())) {
       std::fill_n(to, tile.cols, z[0]);
       continue;
     }
     for (int64_t i = 0; i + 1 < tile.cols; ++i) to[i] = z[tile.col + (i << tile.stride_log2)];
-    to[tile.cols - 1] = z[last % field.cols];
+    to[tile.cols - 1] = z[last % band.cols];
   }
-  return out;
 }
 
 }  // namespace lodlab::multigrain

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "geometry/height_field.h"
+#include "geometry/height_rows.h"
 #include "methods/multigrain/layout.h"
 
 namespace lodlab::multigrain {
@@ -32,8 +32,14 @@ class Tiles {
     return first_[static_cast<size_t>(stride_log2)] + (row >> log2) * across(stride_log2) + (col >> log2);
   }
   Tile at(int64_t id) const;
-  /// The heights of a tile, row by row.
-  std::vector<float> cut(const HeightField& field, const Tile& tile) const;
+  /// The sample's row of row `j` of a tile; of its last one, the last row that it needs.
+  int64_t source_row(const Tile& tile, int64_t j) const {
+    return std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
+  }
+  /// Copies to a tile's heights, row by row, those of its rows that are in the band.
+  void fill(const HeightRows& band, const Tile& tile, float* heights) const;
+  /// log2 of a tile's cells a side.
+  int side_log2() const { return side_log2_; }
 
  private:
   /// Tiles side by side at this stride.
