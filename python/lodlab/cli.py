@@ -240,7 +240,7 @@ def is_store(what: str) -> bool:
 def source_info(text: str) -> dict[str, Any]:
     """What `info` says of a source."""
     field = lodlab.datasets.load(text)
-    frame = dict(field.core.frame())
+    frame = dict(field.rows_core.frame())
     flat = ("dx", "dy", "x0", "y0")
     round_ = ("radius", "lon0", "lat0", "dlon", "dlat", "wraps")
     hidden = flat if field.planet else round_

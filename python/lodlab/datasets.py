@@ -13,8 +13,9 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .heightfield import DEFAULT_SPACING, EARTH_RADIUS, HeightField, format_spec
+from .heightfield import DEFAULT_SPACING, EARTH_RADIUS, HeightField, format_spec, make_frame, positive, window_samples
 from .raster import metres_per_degree
+from .windowed import FractalReader, WindowedHeightField
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,12 @@ def _fractal(
         "spacing": spacing,
         "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
     }
+    if size * size > window_samples():
+        scale = positive("vertical_scale", vertical_scale)
+        frame, _ = make_frame((size, size), spacing)
+        return WindowedHeightField(
+            FractalReader(seed, roughness, scale), frame, "fractal", format_spec("fractal", keys)
+        )
     return HeightField(
         fractal_window(size, size, seed=seed, roughness=roughness),
         spacing=DEFAULT_SPACING if spacing is None else spacing,

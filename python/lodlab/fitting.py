@@ -204,6 +204,7 @@ class _Search:
     ):
         from tqdm.auto import tqdm
 
+        self.instrument = _core.Instrument(field.core, None)
         self.field, self.method, self.limit, self.track = field, method, limit, track
         self.build_options, self.draw_options = build_options, still(method, draw_options)
         self.rungs = _rungs(field, method)
@@ -217,7 +218,6 @@ class _Search:
         self.finest = len(self.rungs)  # rungs before it are searched
         self.proven = len(self.steps) - 1  # the step under which they are judged, beside the tightest
         self.known: dict[tuple[int, int], dict[int, float]] = {}  # pixels by frame, by candidate
-        self.instrument = _core.Instrument(field.core, None)
         self.folder = results.temporary_folder(self)
         self._open: tuple[int, Store, Any] | None = None
         self.bar = tqdm(desc=f"fit {method}", unit="frame", disable=None if progress else True, leave=False)

@@ -8,6 +8,7 @@ the sphere). The surface between samples is the one that is drawn, with the diag
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from .heightfield import HeightField
 
 Vec = np.ndarray  # (3,) float64
+_BAND = 256  # rows that are looked at together
 
 
 class Ground:
@@ -23,7 +25,7 @@ class Ground:
     def __init__(self, field: HeightField) -> None:
         core = field._core
         self.core = core
-        self.heights = core.heights
+        self.heights = field.grid
         self.rows, self.cols = core.rows, core.cols
         self.planet, self.radius = core.planet, core.radius
         self.low, self.high = core.z_min, core.z_max
@@ -90,7 +92,7 @@ class Ground:
         rows = slice(max(int(row) - n_row, 0), int(row) + n_row + 2)
         cols = np.arange(int(col) - n_col, int(col) + n_col + 2)
         cols = cols % self.cols if self.core.wraps else np.clip(cols, 0, self.cols - 1)
-        return self.heights[rows][:, cols]
+        return self.heights[rows, cols]
 
     def up(self, point: Vec) -> Vec:
         """Unit vector away from the ground."""
@@ -129,8 +131,13 @@ class Ground:
         Blocks at the edge are left out where there are others, and so are a planet's polar ones.
         """
         row_cuts, col_cuts = _cuts(self.rows), _cuts(self.cols)
-        tops = np.maximum.reduceat(np.maximum.reduceat(self.heights, row_cuts[:-1], axis=0), col_cuts[:-1], axis=1)
-        lows = np.minimum.reduceat(np.minimum.reduceat(self.heights, row_cuts[:-1], axis=0), col_cuts[:-1], axis=1)
+        tops = np.full((len(row_cuts) - 1, len(col_cuts) - 1), -np.inf, np.float32)
+        lows = -tops
+        for i, (begin, end) in enumerate(itertools.pairwise(row_cuts.tolist())):
+            for row in range(begin, end, _BAND):
+                band = self.heights[row : min(row + _BAND, end), :]
+                tops[i] = np.maximum(tops[i], np.maximum.reduceat(band.max(axis=0), col_cuts[:-1]))
+                lows[i] = np.minimum(lows[i], np.minimum.reduceat(band.min(axis=0), col_cuts[:-1]))
         relief = (tops - lows).astype(np.float64)
         edge_r = max(1, relief.shape[0] // 8) if relief.shape[0] > 2 else 0
         edge_c = max(1, relief.shape[1] // 8) if relief.shape[1] > 2 else 0

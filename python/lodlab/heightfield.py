@@ -18,13 +18,23 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .raster import Placement, open_raster
+from .raster import Placement, RasterWindows, open_raster
 
 EARTH_RADIUS = 6371000.0
 DEFAULT_SPACING = 30.0
 MAX_SAMPLES = 2**31
-_EXACT_IN_FLOAT32 = 2**24
+WINDOW_SAMPLES = 64_000_000
+EXACT_IN_FLOAT32 = 2**24
 _SNAP = 0.01  # of a sample: geotransforms carry the rounding of their decimals
+
+
+def window_samples() -> int:
+    """Sources with more samples than this are read by windows: LODLAB_WINDOW_SAMPLES, else 64 million (256 MB)."""
+    text = os.environ.get("LODLAB_WINDOW_SAMPLES", "")
+    try:
+        return int(text) if text else WINDOW_SAMPLES
+    except ValueError:
+        raise InvalidInput(f"LODLAB_WINDOW_SAMPLES: {text!r} is not a whole number") from None
 
 
 def _text(value: Any) -> str:
@@ -44,7 +54,7 @@ def format_spec(name: str, keys: dict[str, Any]) -> str:
     return f"{name}:{','.join(given)}" if given else name
 
 
-def _positive(what: str, value: Any) -> float:
+def positive(what: str, value: Any) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -61,7 +71,7 @@ def _pair(what: str, value: Any) -> tuple[float, float]:
         values = (value, value)
     if len(values) != 2:
         raise InvalidInput(f"height field: {what} {value!r} is neither one number nor (dx, dy)")
-    return _positive(what, values[0]), _positive(what, values[1])
+    return positive(what, values[0]), positive(what, values[1])
 
 
 def _origin(value: Any) -> tuple[float, float]:
@@ -137,7 +147,7 @@ def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offs
     where = True if valid is None else valid
     low = int(np.min(array, where=where, initial=np.iinfo(array.dtype).max))
     high = int(np.max(array, where=where, initial=np.iinfo(array.dtype).min))
-    return scale if max(abs(low), abs(high)) <= _EXACT_IN_FLOAT32 else 0.0
+    return scale if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
 
 
 class HeightField:
@@ -184,19 +194,10 @@ class HeightField:
         array = _as_array(array, name)
         nodata = _nodata(nodata)
         _check_array(array, name)
-        scale = _positive("vertical_scale", vertical_scale)
-        frame: dict[str, Any] = {"planet": bool(planet), "radius": _positive("radius", radius)}
-        if planet:
-            if spacing is not None:
-                raise InvalidInput("height field: spacing is for flat fields; a planet's follows from its degrees")
-            placed, columns = _planet_frame(array.shape, degrees, frame["radius"])
-            frame |= placed
-            array = array[:, :columns]
-            given = None if given is None else given[:, :columns]
-        else:
-            dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
-            x0, y0 = _origin(origin)
-            frame |= {"dx": dx, "dy": dy, "x0": x0, "y0": y0}
+        scale = positive("vertical_scale", vertical_scale)
+        frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
+        array = array[:, :columns]
+        given = None if given is None else given[:, :columns]
         valid = _valid_mask(array, nodata, given)
         if valid is not None and not valid.any():
             raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
@@ -207,6 +208,7 @@ class HeightField:
         if valid is not None:
             mask = np.ascontiguousarray(valid).view(np.uint8)
             _core.fill_voids(heights, mask)
+        del frame["rows"], frame["cols"]
         self._core = _core.HeightField(heights, mask, **frame, spec=spec)
         self.name = name
         self._hash: str | None = None
@@ -244,13 +246,13 @@ class HeightField:
         keep_all = isinstance(nodata, str)
         if keep_all and nodata != "none":
             raise InvalidInput(f"height field: nodata {nodata!r} is neither a number nor 'none'")
-        raster = open_raster(path, band=band, window=window, nodata=nodata)
+        raster = open_raster(path, band=band, window=window, nodata=nodata, most=window_samples())
         if not (math.isfinite(raster.scale) and raster.scale > 0 and math.isfinite(raster.offset)):
             raise InvalidInput(
                 f"open {os.fspath(path)}: its band has scale {raster.scale:g} and offset {raster.offset:g}; "
                 "a positive scale and a finite offset are needed"
             )
-        vertical_scale = _positive("vertical_scale", vertical_scale)
+        vertical_scale = positive("vertical_scale", vertical_scale)
         keys: dict[str, Any] = {
             "spacing": spacing,
             "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
@@ -263,22 +265,49 @@ class HeightField:
         placed = _planet_place(raster.place, raster.whole) if planet else _flat_place(raster.place, spacing)
         if planet:
             placed["spacing"] = spacing  # refused by the constructor when given
+        name = name or os.path.splitext(os.path.basename(os.fspath(path)))[0]
+        spec = format_spec(dataset or os.path.abspath(os.fspath(path)), keys)
+        scale, offset = vertical_scale * raster.scale, raster.offset / raster.scale
+        if isinstance(raster.samples, RasterWindows):
+            from .windowed import RasterReader, WindowedHeightField
+
+            frame, _ = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
+            reader = RasterReader(raster.samples, raster.nodata, nodata is None, scale, offset * scale)
+            return WindowedHeightField(reader, frame, name, spec)
         return cls(
             raster.samples,
-            vertical_scale=vertical_scale * raster.scale,
+            vertical_scale=scale,
             nodata=raster.nodata,
             planet=planet,
             radius=radius,
-            name=name or os.path.splitext(os.path.basename(os.fspath(path)))[0],
-            spec=format_spec(dataset or os.path.abspath(os.fspath(path)), keys),
-            offset=raster.offset / raster.scale,
+            name=name,
+            spec=spec,
+            offset=offset,
             **placed,
         )
 
     @property
     def core(self) -> Any:
-        """The native height field."""
+        """The native height field, in memory."""
         return self._core
+
+    @property
+    def rows_core(self) -> Any:
+        """The native field for methods that build by rows: in memory or not."""
+        return self._core
+
+    def loaded(self) -> HeightField:
+        """The field in memory: itself, but for one that is read by windows."""
+        return self
+
+    @property
+    def grid(self) -> Any:
+        """Filled heights by row and column."""
+        return self._core.heights
+
+    def every(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Every step-th row and column: filled heights, and which are real."""
+        return self.filled[::step, ::step], self.valid[::step, ::step]
 
     @property
     def heights(self) -> np.ndarray:
@@ -398,7 +427,7 @@ def _planet_frame(
     lon0, lat0, dlon, dlat = (float(v) for v in degrees)
     if not all(map(math.isfinite, (lon0, lat0))):
         raise InvalidInput(f"height field: planet starts at ({lon0}, {lat0}) degrees; finite numbers are needed")
-    dlon, dlat = _positive("planet column step", dlon), _positive("planet row step", dlat)
+    dlon, dlat = positive("planet column step", dlon), positive("planet row step", dlat)
     if abs((cols - 1) * dlon - 360.0) < _SNAP * dlon:
         cols -= 1
     wraps = abs(cols * dlon - 360.0) < _SNAP * dlon
@@ -411,6 +440,29 @@ def _planet_frame(
     metres = math.radians(1.0) * radius
     frame = {"lon0": lon0, "lat0": lat0, "dlon": dlon, "dlat": dlat, "wraps": wraps}
     return frame | {"dx": dlon * metres, "dy": dlat * metres}, cols
+
+
+def make_frame(
+    shape: tuple[int, int],
+    spacing: float | tuple[float, float] | None = None,
+    planet: bool = False,
+    radius: float = EARTH_RADIUS,
+    origin: tuple[float, float] = (0.0, 0.0),
+    degrees: tuple[float, float, float, float] | None = None,
+) -> tuple[dict[str, Any], int]:
+    """Where the samples of an array lie, as keywords of the core, and how many of its columns are kept."""
+    frame: dict[str, Any] = {"planet": bool(planet), "radius": positive("radius", radius)}
+    columns = shape[1]
+    if planet:
+        if spacing is not None:
+            raise InvalidInput("height field: spacing is for flat fields; a planet's follows from its degrees")
+        placed, columns = _planet_frame(shape, degrees, frame["radius"])
+        frame |= placed
+    else:
+        dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
+        x0, y0 = _origin(origin)
+        frame |= {"dx": dx, "dy": dy, "x0": x0, "y0": y0}
+    return frame | {"rows": shape[0], "cols": columns}, columns
 
 
 def _flat_place(place: Placement, spacing: float | tuple[float, float] | None) -> dict[str, Any]:

@@ -132,6 +132,7 @@ class Yardstick:
         options: Mapping[str, Any] | None = None,
     ):
         self.source = source
+        self._field = source.core  # Unsupported for a source that is read by windows
         self.options = dict(options or {})
         self._folder = folder
         self._progress = progress
@@ -153,7 +154,7 @@ class Yardstick:
                     self._folder = results.temporary_folder(self)
                 store = store_for(self.source, "full", self.options, self._folder, progress=self._progress)
                 session = store.core.session(still(store.method, {}))
-            self._instrument = _core.Instrument(self.source.core, session)
+            self._instrument = _core.Instrument(self._field, session)
         return self._instrument
 
     def reference(self, view: Any) -> Any:

@@ -10,6 +10,7 @@ import math
 import os
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from .errors import InvalidInput
 
 WGS84_A = 6378137.0
 WGS84_E2 = 0.0066943799901413165
+_BLOCK_CACHE = 64_000_000  # bytes of GDAL's cache, which would grow with the machine's memory
 # What undeclared voids are customarily marked with.
-_MARKS = (-32768.0, -32767.0, -9999.0, -99999.0, -999999.0)
+MARKS = (-32768.0, -32767.0, -9999.0, -99999.0, -999999.0)
 
 
 def metres_per_degree(latitude: float) -> tuple[float, float]:
@@ -54,11 +56,65 @@ class Placement:
         return metres_per_degree(self.middle_latitude)
 
 
+class RasterWindows:
+    """A band of a raster that is read window by window; row 0 north, column 0 west, whatever the file's order."""
+
+    def __init__(self, path: str, band: int, window: tuple[int, int, int, int], flips: tuple[bool, bool]) -> None:
+        self.path = path
+        self.shape = window[2:]
+        self._band, self._first, self._flips = band, window[:2], flips
+        self._dataset: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_dataset": None}
+
+    def _open(self) -> Any:
+        import rasterio
+
+        if self._dataset is None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+                self._dataset = rasterio.open(self.path)
+        return self._dataset
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of the samples as stored."""
+        return np.dtype(self._open().dtypes[self._band - 1])
+
+    def read(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """(rows, cols) as stored, and where they are real by the file's own mask (None: everywhere)."""
+        import rasterio
+        from rasterio.errors import RasterioError
+
+        window = (self._first[0] + row, self._first[1] + col, rows, cols)
+        try:
+            with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE):
+                samples = _read_window(self._open(), self._band, window, self._flips)
+        except RasterioError as error:
+            why = str(error.__cause__ or error)
+            raise InvalidInput(f"open {self.path}: it is damaged or cut short: {why}") from None
+        if isinstance(samples, np.ma.MaskedArray):
+            return samples.data, ~np.ma.getmaskarray(samples)
+        return samples, None
+
+    def limits(self, cols: int) -> tuple[int, int]:
+        """At least the smallest and the largest integer sample of the first columns."""
+        if self.dtype.itemsize <= 2:
+            info = np.iinfo(self.dtype)
+            return int(info.min), int(info.max)
+        low, high, step = 0, 0, max(1, (1 << 22) // cols)
+        for row in range(0, self.shape[0], step):
+            samples, _ = self.read(row, 0, min(step, self.shape[0] - row), cols)
+            low, high = min(low, int(samples.min())), max(high, int(samples.max()))
+        return low, high
+
+
 @dataclass
 class Raster:
     """Samples as stored (row 0 north), how to read them as heights, and where they lie."""
 
-    samples: np.ndarray
+    samples: np.ndarray | RasterWindows
     place: Placement
     whole: tuple[int, int]  # rows and columns of the file
     nodata: float | None = None
@@ -92,8 +148,12 @@ def open_raster(
     band: int | None = None,
     window: tuple[int, int, int, int] | None = None,
     nodata: float | str | None = None,
+    most: int = 2**31,
 ) -> Raster:
-    """Reads one band. `nodata` overrides the file's; "none" ignores it. InvalidInput names path and reason."""
+    """Reads one band. `nodata` overrides the file's; "none" ignores it. InvalidInput names path and reason.
+
+    Above `most` samples nothing is read yet where rasterio can read windows: `samples` is a RasterWindows.
+    """
     import rasterio
     from rasterio.errors import RasterioError, RasterioIOError
 
@@ -113,7 +173,7 @@ def open_raster(
     else:
         with dataset:
             try:
-                raster = _read_dataset(dataset, text, band, window)
+                raster = _read_dataset(dataset, text, band, window, most)
             except RasterioIOError as error:
                 why = str(error.__cause__ or error)
                 raise InvalidInput(f"open {text}: it is damaged or cut short: {why}") from None
@@ -121,7 +181,7 @@ def open_raster(
         raster.nodata = None
     elif nodata is not None:
         raster.nodata = float(nodata)
-    elif raster.nodata is None and not np.ma.isMaskedArray(raster.samples):
+    elif raster.nodata is None and type(raster.samples) is np.ndarray:
         raster.nodata = raster.guessed = _guess_nodata(raster.samples, text)
     return raster
 
@@ -136,10 +196,29 @@ def _choose_band(band: int | None, count: int, names: list[str], path: str) -> i
     return band
 
 
-def _read_dataset(dataset, path: str, band: int | None, window: tuple[int, int, int, int] | None) -> Raster:
+def _read_window(
+    dataset: Any, band: int, window: tuple[int, int, int, int], flips: tuple[bool, bool]
+) -> np.ndarray | np.ma.MaskedArray:
+    """The samples of (row0, col0, rows, cols), row 0 north; masked where the file has a mask that says so."""
     from rasterio.enums import MaskFlags
     from rasterio.windows import Window
 
+    row0, col0, height, width = window
+    south_up, mirrored = flips
+    file_row = dataset.height - row0 - height if south_up else row0
+    file_col = dataset.width - col0 - width if mirrored else col0
+    part = Window(file_col, file_row, width, height)
+    samples = dataset.read(band, window=part)
+    if MaskFlags.per_dataset in dataset.mask_flag_enums[band - 1]:
+        real = dataset.read_masks(band, window=part) != 0
+        if not real.all():
+            samples = np.ma.MaskedArray(samples, ~real)
+    return samples[:: -1 if south_up else 1, :: -1 if mirrored else 1]
+
+
+def _read_dataset(
+    dataset: Any, path: str, band: int | None, window: tuple[int, int, int, int] | None, most: int
+) -> Raster:
     if dataset.count == 0:
         raise InvalidInput(f"open {path}: a container without a raster of its own")
     names = [d or c.name for d, c in zip(dataset.descriptions, dataset.colorinterp, strict=True)]
@@ -150,15 +229,11 @@ def _read_dataset(dataset, path: str, band: int | None, window: tuple[int, int, 
     place, south_up, mirrored = _place_of(dataset, path, row0, col0)
     if np.dtype(dataset.dtypes[index - 1]).kind == "c":
         raise InvalidInput(f"open {path}: its samples are complex ({dataset.dtypes[index - 1]})")
-    file_row = rows - row0 - height if south_up else row0
-    file_col = cols - col0 - width if mirrored else col0
-    part = Window(file_col, file_row, width, height)
-    samples = dataset.read(index, window=part)
-    if MaskFlags.per_dataset in dataset.mask_flag_enums[index - 1]:
-        real = dataset.read_masks(index, window=part) != 0
-        if not real.all():
-            samples = np.ma.MaskedArray(samples, ~real)
-    samples = samples[:: -1 if south_up else 1, :: -1 if mirrored else 1]
+    flips, part = (south_up, mirrored), (row0, col0, height, width)
+    if height * width > most:
+        samples: Any = RasterWindows(path, index, part, flips)
+    else:
+        samples = _read_window(dataset, index, part, flips)
     return Raster(
         samples,
         place,
@@ -217,7 +292,7 @@ def _guess_nodata(samples: np.ndarray, path: str) -> float | None:
     if samples.dtype.kind not in "if" or samples.size == 0:
         return None
     lowest = float(np.nanmin(samples)) if not np.isnan(samples).all() else math.nan
-    if lowest not in _MARKS and not lowest < -1e30:
+    if lowest not in MARKS and not lowest < -1e30:
         return None
     rest = samples[samples > lowest]
     if rest.size == 0 or not float(rest.min()) - lowest > float(rest.max()) - float(rest.min()):

@@ -363,10 +363,11 @@ def build(
     an unknown method or option, Unsupported when the method does not accept the source, StoreError when the
     file stands in the way.
     """
-    method_table(method)
+    by_rows = method_table(method)["by_rows"]
     field = as_source(source)
+    given = field.rows_core if by_rows else field.loaded().core
     with Progress(f"build {method}", progress) as bar:
-        core = _core.build(field.core, method, os.fspath(path), options, mode, bar.stage)
+        core = _core.build(given, method, os.fspath(path), options, mode, bar.stage)
     return Store(core, field)
 
 

@@ -20,8 +20,8 @@ def hillshade(field: HeightField, width: int = 256) -> np.ndarray:
     """(h, w, 3) uint8: light from the north-west, slopes stretched until they show, voids pale grey."""
     rows, cols = field.shape
     step = max(1, -(-max(rows, cols) // width))
-    z = field.filled[::step, ::step].astype(np.float64)
-    valid = field.valid[::step, ::step]
+    z, valid = field.every(step)
+    z = z.astype(np.float64)
     dx, dy = field.spacing
     south, east = (np.gradient(z, axis=k) if z.shape[k] > 1 else np.zeros_like(z) for k in (0, 1))
     east, south = east / (dx * step), south / (dy * step)

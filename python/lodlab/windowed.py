@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: MIT
+"""Height fields larger than memory: read by windows, never held.
+
+A `WindowedHeightField` knows where it lies without reading anything. Its native object reads it once, for checks,
+range of heights and hash; a method that builds by rows (`by_rows` in its table) reads it again. What needs the
+samples in memory says so: `loaded()` for methods that cannot build by rows, Unsupported for measuring.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from . import _core
+from .errors import InvalidInput, Unsupported
+from .heightfield import HeightField, window_samples
+
+_SIDE = 256  # of the patches that are kept
+_PATCHES = 64
+
+
+class Reader(Protocol):
+    """What holds the samples. Readers are pickled: workers read for themselves."""
+
+    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
+        """(rows, cols) float32, C-contiguous, finite."""
+
+    def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
+        """The native field; reads every sample once."""
+
+
+class WindowedHeightField(HeightField):
+    """A height field of more than `window_samples()` samples, made by `lodlab.datasets.load` or `HeightField.open`.
+
+    It has no voids: a raster with voids is refused when it is first read.
+    """
+
+    def __init__(self, reader: Reader, frame: dict[str, Any], name: str, spec: str) -> None:
+        self._reader = reader
+        self._frame = frame
+        self._spec = spec
+        self._surveyed: Any = None
+        self.name = name
+
+    @property
+    def _core(self) -> Any:
+        if self._surveyed is None:
+            from .stores import Progress
+
+            with Progress(f"read {self.name}") as bar:
+                self._surveyed = self._reader.open(self._frame, self._spec, bar.stage)
+        return self._surveyed
+
+    @property
+    def core(self) -> Any:
+        """Unsupported: there is no native height field in memory."""
+        raise Unsupported(
+            f"source {self.spec}: {_size(self.shape)} are read by windows, and measuring needs a source in memory; "
+            f"the limit is {window_samples():,} samples (LODLAB_WINDOW_SAMPLES). Fly with --accuracy-frames 0"
+        )
+
+    @property
+    def rows_core(self) -> Any:
+        """The native windowed field."""
+        return self._core
+
+    def loaded(self) -> HeightField:
+        """The same field in memory."""
+        frame = {k: v for k, v in self._core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
+        state = {"arrays": (self.filled, None), "frame": frame, "spec": self._spec, "name": self.name}
+        field = HeightField.__new__(HeightField)
+        field.__setstate__(state)
+        return field
+
+    @property
+    def grid(self) -> Windows:
+        """Heights by row and column, read as they are asked for."""
+        return Windows(self._reader, self.shape)
+
+    @property
+    def heights(self) -> np.ndarray:
+        """(H, W) float32, metres; all of it is read, every time. Read-only."""
+        return self.filled
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(H, W) bool: True. Read-only."""
+        return np.broadcast_to(np.True_, self.shape)
+
+    @property
+    def filled(self) -> np.ndarray:
+        """(H, W) float32, metres; all of it is read, every time. Read-only."""
+        out = self._reader.window(0, 0, *self.shape)
+        out.flags.writeable = False
+        return out
+
+    def every(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Every step-th row and column: heights, and which are real."""
+        rows, cols = self.shape
+        z = np.concatenate([self._reader.window(row, 0, 1, cols)[:, ::step] for row in range(0, rows, step)])
+        return z, np.ones(z.shape, bool)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self._frame["rows"], self._frame["cols"]
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """(dx, dy), metres between samples; on a planet along the equator and the meridians."""
+        return self._frame["dx"], self._frame["dy"]
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """(x0, y0), metres: the centre of the first sample."""
+        return self._frame.get("x0", 0.0), self._frame.get("y0", 0.0)
+
+    @property
+    def planet(self) -> bool:
+        """Whether the heights stand on a sphere."""
+        return self._frame["planet"]
+
+    @property
+    def radius(self) -> float:
+        """The planet's radius, metres."""
+        return self._frame["radius"]
+
+    @property
+    def spec(self) -> str:
+        """SOURCE text that loads this field again."""
+        return self._spec
+
+    def hash(self) -> str:
+        """32 hex digits of heights and placement: those of the same samples in memory."""
+        return self._core.hash()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker process needs to read the same field."""
+        return {"reader": self._reader, "frame": self._frame, "spec": self._spec, "name": self.name}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state)
+
+    def __repr__(self) -> str:
+        where = (
+            f"planet of radius {self.radius:g} m" if self.planet else "spacing {:.6g} x {:.6g} m".format(*self.spacing)
+        )
+        return f"<HeightField {self.name}: {self.shape[0]} x {self.shape[1]}, {where}, read by windows>"
+
+
+def _size(shape: tuple[int, int]) -> str:
+    return f"{shape[0]} x {shape[1]} = {shape[0] * shape[1]:,} samples ({4e-9 * shape[0] * shape[1]:.2f} GB)"
+
+
+class Windows:
+    """The heights of a windowed field, indexed as `[row, col]`, `[rows, cols]` (slices) or `[rows, columns]`
+    (a slice and an array of column numbers). Patches are kept while they are in use.
+    """
+
+    def __init__(self, reader: Reader, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self._reader = reader
+        self._patches: OrderedDict[tuple[int, int], np.ndarray] = OrderedDict()
+
+    def __getitem__(self, index: tuple[Any, Any]) -> Any:
+        rows, cols = index
+        if not isinstance(rows, slice):
+            return self._patch(rows // _SIDE, cols // _SIDE)[rows % _SIDE, cols % _SIDE]
+        top, bottom, _ = rows.indices(self.shape[0])
+        if isinstance(cols, slice):
+            left, right, _ = cols.indices(self.shape[1])
+            return self._reader.window(top, left, bottom - top, right - left)
+        out = np.empty((bottom - top, len(cols)), np.float32)
+        for j in np.unique(cols // _SIDE):
+            mine = cols // _SIDE == j
+            for i in range(top // _SIDE, (bottom - 1) // _SIDE + 1):
+                first, last = max(top, i * _SIDE), min(bottom, (i + 1) * _SIDE)
+                patch = self._patch(i, int(j))[first - i * _SIDE : last - i * _SIDE]
+                out[first - top : last - top, mine] = patch[:, cols[mine] - j * _SIDE]
+        return out
+
+    def _patch(self, i: int, j: int) -> np.ndarray:
+        if (i, j) not in self._patches:
+            row, col = i * _SIDE, j * _SIDE
+            rows, cols = min(_SIDE, self.shape[0] - row), min(_SIDE, self.shape[1] - col)
+            self._patches[i, j] = self._reader.window(row, col, rows, cols)
+            if len(self._patches) > _PATCHES:
+                self._patches.popitem(last=False)
+        self._patches.move_to_end((i, j))
+        return self._patches[i, j]
+
+
+class FractalReader:
+    """The generated terrain; the native field calls its function itself."""
+
+    def __init__(self, seed: int, roughness: float, scale: float) -> None:
+        if not 0 <= seed < 2**64:
+            raise InvalidInput(f"fractal: seed {seed} is not within 0 to 2^64 - 1")
+        self._seed, self._roughness, self._scale = seed, float(roughness), scale
+
+    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
+        """As Reader.window."""
+        out = _core.fractal(rows, cols, row, col, self._seed, self._roughness)
+        return out if self._scale == 1.0 else np.multiply(out, self._scale, dtype=np.float64).astype(np.float32)
+
+    def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
+        """As Reader.open."""
+        return _core.WindowedField.fractal(
+            seed=self._seed, roughness=self._roughness, scale=self._scale, spec=spec, progress=progress, **frame
+        )
+
+
+class RasterReader:
+    """A raster file's band as heights; `source` is a lodlab.raster.RasterWindows."""
+
+    def __init__(self, source: Any, nodata: float | None, guess: bool, scale: float, offset: float) -> None:
+        self._source, self._nodata, self._guess = source, nodata, guess
+        self._scale, self._offset = scale, offset
+
+    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
+        """As Reader.window. Unsupported names the first void."""
+        from .heightfield import _to_float32, _valid_mask
+
+        samples, given = self._source.read(row, col, rows, cols)
+        valid = _valid_mask(samples, self._nodata, given)
+        if valid is not None:
+            i, j = np.unravel_index(int(np.argmin(valid)), valid.shape)
+            raise Unsupported(
+                f"open {self._source.path}: sample at row {row + i}, column {col + j} is void, and voids are not "
+                f"filled in sources of more than {window_samples():,} samples (LODLAB_WINDOW_SAMPLES), which are read "
+                "by windows; fill them in the file, or choose a window without"
+            )
+        return _to_float32(samples, self._scale, self._offset)
+
+    def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
+        """As Reader.open."""
+        from .heightfield import EXACT_IN_FLOAT32
+        from .raster import MARKS
+
+        keys = {k: v for k, v in frame.items() if k not in ("rows", "cols")}
+        rows, cols = frame["rows"], frame["cols"]
+
+        def read(row: int, count: int) -> np.ndarray:
+            return self.window(row, 0, count, cols)
+
+        if self._source.dtype.kind in "iu" and self._offset == 0.0:
+            if max(map(abs, self._source.limits(cols))) <= EXACT_IN_FLOAT32:
+                keys["height_step"] = self._scale
+        field = _core.WindowedField(rows, cols, read, spec=spec, progress=progress, **keys)
+        lowest = (field.z_min - self._offset) / self._scale
+        if self._nodata is None and self._guess and any(math.isclose(lowest, mark, rel_tol=1e-6) for mark in MARKS):
+            raise Unsupported(
+                f"open {self._source.path}: its lowest height is {lowest:g}, a customary mark of voids, which are not "
+                "filled in sources that are read by windows; nodata=none keeps it as a height"
+            )
+        return field
