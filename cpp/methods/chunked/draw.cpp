@@ -44,7 +44,6 @@ struct ChunkedSession::Gpu {
   render::SurfaceProgram program;
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
-  int64_t texture_bytes = 0;
 
   explicit Gpu(const ChunkedHierarchy& tree, int64_t buffer_bytes)
       : geometry(std::max<int64_t>(buffer_bytes, 16)),
@@ -68,25 +67,22 @@ struct ChunkedSession::Gpu {
   }
 
   void upload(const ChunkedHierarchy& tree, const Residency::Upload& upload, render::Submitted& submitted) {
-    const Bytes& page = *upload.geometry;
+    const Bytes& page = *upload.page;
     geometry.upload(upload.offset, std::span(page).subspan(sizeof(PageHead)));
     submitted.upload_bytes += static_cast<int64_t>(page.size() - sizeof(PageHead));
-    if (upload.texture == nullptr) return;
-    const int side = tree.node[upload.node].texture_side + 1;
+    if (upload.beside == nullptr) return;
+    const int side = tree.node[upload.unit].texture_side + 1;
     int mips = 1;
     while ((side >> mips) > 0) ++mips;
     gl::Texture texture = gl::Texture::array(GL_RGBA8, side, side, 1, mips);
-    texture.upload_rgba(0, 0, 0, 0, side, side, upload.texture->data());
+    texture.upload_rgba(0, 0, 0, 0, side, side, upload.beside->data());
     texture.make_mips();
-    submitted.upload_bytes += static_cast<int64_t>(upload.texture->size());
-    texture_bytes += Residency::texture_bytes(tree.node[upload.node]);
-    textures[upload.node] = std::move(texture);
+    submitted.upload_bytes += static_cast<int64_t>(upload.beside->size());
+    textures[upload.unit] = std::move(texture);
   }
 
-  void drop(const ChunkedHierarchy& tree, std::vector<uint32_t>& dropped) {
-    for (const uint32_t node : dropped) {
-      if (textures.erase(node) > 0) texture_bytes -= Residency::texture_bytes(tree.node[node]);
-    }
+  void drop(std::vector<uint32_t>& dropped) {
+    for (const uint32_t node : dropped) textures.erase(node);
     dropped.clear();
   }
 };
@@ -95,9 +91,9 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
     : hierarchy_(std::move(hierarchy)),
       options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
-      residency_(hierarchy_, options.flag("stream"), options.integer("cpu_cache_mb") << 20,
-                 options.integer("gpu_cache_mb") << 20,
-                 std::chrono::milliseconds(options.integer("fetch_delay_ms"))) {
+      residency_(make_residency(hierarchy_, {options.flag("stream"), options.integer("cpu_cache_mb") << 20,
+                                             options.integer("gpu_cache_mb") << 20,
+                                             std::chrono::milliseconds(options.integer("fetch_delay_ms"))})) {
   projection_ = projection_of(options);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
@@ -112,7 +108,7 @@ std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hi
 
 int64_t ChunkedSession::resident_bytes() const {
   if (gpu_ == nullptr) return 0;
-  return gpu_->geometry.bytes() + gpu_->texture_bytes + gpu_->instances.bytes() + gpu_->commands.bytes();
+  return gpu_->geometry.bytes() + residency_.beside_used() + gpu_->instances.bytes() + gpu_->commands.bytes();
 }
 
 void ChunkedSession::settle() { residency_.settle(); }
@@ -122,7 +118,7 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
   const ChunkedHierarchy& tree = *hierarchy_;
   std::vector<uint32_t> dropped;
   if (gpu_ == nullptr) {
-    gpu_ = std::make_unique<Gpu>(tree, residency_.buffer_bytes());
+    gpu_ = std::make_unique<Gpu>(tree, residency_.capacity());
     const size_t first = residency_.streams() ? tree.roots : tree.node.size();
     for (uint32_t i = 0; i < first; ++i) {
       if (const auto upload = residency_.admit(i, true, dropped)) gpu_->upload(tree, *upload, pass.submitted);
@@ -136,7 +132,7 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
     const Node& node = tree.node[picked.node];
     if (residency_.offset(picked.node) < 0) {  // a recorded cut, drawn again after its data went
       const auto upload = residency_.admit(picked.node, true, dropped);
-      gpu.drop(tree, dropped);
+      gpu.drop(dropped);
       if (!upload) {
         throw Unsupported("chunked: gpu_cache_mb cannot hold this cut of " +
                           std::to_string(cut.nodes.size()) + " nodes");
@@ -198,12 +194,11 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
   if (!residency_.streams()) return;
   // What arrived meanwhile becomes resident for the next frame.
   int64_t moved = 0;
-  for (const PageCache::Want& want : residency_.wanted()) {
+  for (const Residency::Want& want : residency_.wanted()) {
     if (moved >= kUploadPerFrame) break;
-    const auto id = static_cast<uint32_t>(want.id);
-    if (residency_.resident(id)) continue;
-    const auto upload = residency_.admit(id, false, dropped);
-    gpu.drop(tree, dropped);
+    if (residency_.resident(want.unit)) continue;
+    const auto upload = residency_.admit(want.unit, false, dropped);
+    gpu.drop(dropped);
     if (!upload) continue;
     const int64_t before = pass.submitted.upload_bytes;
     gpu.upload(tree, *upload, pass.submitted);

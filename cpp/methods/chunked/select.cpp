@@ -43,7 +43,11 @@ Cut ChunkedSession::select(const View& view, const Budget& budget) {
 
 /// In streaming runs a node can be refined only when all its children are there.
 bool ChunkedSession::refinable(uint32_t node) {
-  return !residency_.streams() || residency_.children_resident(node);
+  const Node& parent = hierarchy_->node[node];
+  for (uint32_t c = parent.first_child; c < parent.first_child + parent.children; ++c) {
+    if (!residency_.resident(c)) return false;
+  }
+  return true;
 }
 
 /// Breadth first, so that the cut comes out sorted by node.
@@ -57,8 +61,8 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
     const Node& node = nodes[id];
     if (residency_.streams()) residency_.touch(id);
     const bool visible = camera.sees(box_of(node));
-    const bool wanted =
-        visible && node.children > 0 && projector.project(node.error, projector.place(node.lo, node.hi)) > tau;
+    const bool wanted = visible && node.children > 0 &&
+                        projector.project(node.error, projector.place(node.lo, node.hi)) > tau;
     if (wanted && refinable(id)) {
       for (uint32_t c = 0; c < node.children; ++c) queue_.push_back(node.first_child + c);
     } else {
@@ -161,7 +165,7 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
 
 /// Children are requested when their parent is drawn, the most wanted first.
 void ChunkedSession::request_children(const Cut& cut, const Projector& projector) {
-  std::vector<PageCache::Want> wants;
+  std::vector<Residency::Want> wants;
   for (const CutNode& picked : cut.nodes) {
     const Node& node = hierarchy_->node[picked.node];
     if (!picked.visible || node.children == 0) continue;
@@ -170,7 +174,7 @@ void ChunkedSession::request_children(const Cut& cut, const Projector& projector
       if (residency_.resident(c)) {
         residency_.touch(c);
       } else {
-        wants.push_back({kGeometry, int64_t{c}, rho});
+        wants.push_back({c, rho});
       }
     }
   }

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: MIT
+#include "method/residency.h"
+
+#include <algorithm>
+
+namespace lodlab {
+
+Residency::Residency(const std::shared_ptr<const Store>& store, Setup setup)
+    : setup_(std::move(setup)),
+      cache_(store, setup_.cpu_bytes, setup_.fetch_delay, setup_.decode),
+      place_(setup_.units.size()) {
+  free_[0] = setup_.capacity;
+  for (uint32_t i = 0; setup_.stream && i < setup_.roots; ++i) {
+    const Unit& unit = setup_.units[i];
+    cache_.load(setup_.kind, unit.page);
+    if (unit.beside > 0) cache_.load(setup_.beside_kind, unit.page);
+  }
+}
+
+void Residency::want(std::vector<Want> wants) {
+  std::stable_sort(wants.begin(), wants.end(),
+                   [](const Want& a, const Want& b) { return a.priority > b.priority; });
+  std::vector<PageCache::Want> pages;
+  pages.reserve(wants.size());
+  for (const Want& want : wants) pages.push_back({setup_.kind, setup_.units[want.unit].page, want.priority});
+  for (const Want& want : wants) {
+    const Unit& unit = setup_.units[want.unit];
+    if (unit.beside > 0) pages.push_back({setup_.beside_kind, unit.page, want.priority});
+  }
+  wanted_ = std::move(wants);
+  cache_.want(std::move(pages));
+}
+
+/// First fit.
+int64_t Residency::allocate(int64_t bytes) {
+  for (auto hole = free_.begin(); hole != free_.end(); ++hole) {
+    if (hole->second < bytes) continue;
+    const int64_t offset = hole->first, left = hole->second - bytes;
+    free_.erase(hole);
+    if (left > 0) free_[offset + bytes] = left;
+    return offset;
+  }
+  return -1;
+}
+
+void Residency::release(uint32_t unit) {
+  int64_t offset = place_[unit].offset, bytes = setup_.units[unit].bytes;
+  place_[unit].offset = -1;
+  beside_used_ -= setup_.units[unit].beside;
+  auto next = free_.lower_bound(offset);
+  if (next != free_.end() && next->first == offset + bytes) {
+    bytes += next->second;
+    next = free_.erase(next);
+  }
+  if (next != free_.begin()) {
+    const auto before = std::prev(next);
+    if (before->first + before->second == offset) {
+      before->second += bytes;
+      return;
+    }
+  }
+  free_[offset] = bytes;
+}
+
+/// Drops the least recently used unit, the highest number first among equals: children go before their
+/// parent, which was used whenever they were. Roots are locked.
+bool Residency::drop_one(std::vector<uint32_t>& dropped) {
+  const auto older = [&](uint32_t a, uint32_t b) {
+    return place_[a].used != place_[b].used ? place_[a].used < place_[b].used : a > b;
+  };
+  const auto victim = std::min_element(loaded_.begin(), loaded_.end(), older);
+  if (victim == loaded_.end() || place_[*victim].used >= frame_) return false;
+  dropped.push_back(*victim);
+  release(*victim);
+  *victim = loaded_.back();
+  loaded_.pop_back();
+  return true;
+}
+
+std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::vector<uint32_t>& dropped) {
+  const Unit& unit = setup_.units[id];
+  const auto page = [&](int kind) {
+    return wait ? cache_.load(kind, unit.page) : cache_.find(kind, unit.page);
+  };
+  Upload upload{id, -1, page(setup_.kind), nullptr};
+  if (unit.beside > 0) upload.beside = page(setup_.beside_kind);
+  if (upload.page == nullptr || (unit.beside > 0 && upload.beside == nullptr)) return std::nullopt;
+  while (beside_used_ + unit.beside > setup_.beside_capacity || (upload.offset = allocate(unit.bytes)) < 0) {
+    if (!drop_one(dropped)) return std::nullopt;
+  }
+  place_[id].offset = upload.offset;
+  place_[id].used = frame_;
+  beside_used_ += unit.beside;
+  if (id >= setup_.roots) loaded_.push_back(id);
+  return upload;
+}
+
+}  // namespace lodlab

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+// Paging, shared by all methods that page: which units of a store are on the GPU, where in its buffer, and
+// what to load or drop next; a unit is what a method loads at once. Ulrich 2002, section 15. No GL: a
+// method's draw.cpp carries out what this decides.
+//
+// Units are numbered so that parents come before their children, and roots, which are locked, come first. A
+// method that uses a unit's parents whenever it uses the unit has this invariant: the parents of a resident
+// unit are resident, since among the least recently used the highest number is dropped first.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "store/page_cache.h"
+
+namespace lodlab {
+
+class Residency {
+ public:
+  struct Unit {
+    int64_t page;        ///< its number in the store
+    int64_t bytes;       ///< in the buffer
+    int64_t beside = 0;  ///< GPU memory beside the buffer (a texture); 0: there is no such page
+  };
+  struct Setup {
+    std::vector<Unit> units;
+    uint32_t roots = 0;
+    int kind = 0, beside_kind = 0;  ///< of pages
+    int64_t capacity = 0, beside_capacity = 0;
+    bool stream =
+        true;  ///< false: a unit counts as resident at any time; what is not there is read when drawn
+    int64_t cpu_bytes = 0;
+    std::chrono::milliseconds fetch_delay{0};
+    PageCache::Decode decode;
+  };
+  /// Reads the roots when streaming, so that the first frame does not wait for storage.
+  Residency(const std::shared_ptr<const Store>& store, Setup setup);
+
+  bool streams() const { return setup_.stream; }
+  bool resident(uint32_t unit) const {
+    return !setup_.stream || place_[unit].offset >= 0 || unit < setup_.roots;
+  }
+  /// Marks a unit as used in this frame: it is not dropped before the next one.
+  void touch(uint32_t unit) { place_[unit].used = frame_; }
+  bool touched(uint32_t unit) const { return place_[unit].used == frame_; }
+  void next_frame() { ++frame_; }
+
+  struct Want {
+    uint32_t unit;
+    double priority;  ///< larger comes first
+  };
+  /// Asks the loader for these in place of what it was asked for before.
+  void want(std::vector<Want> wants);
+  /// Wanted units that may be admitted now, most important first.
+  const std::vector<Want>& wanted() const { return wanted_; }
+  /// Blocks until all that was asked for is in main memory.
+  void settle() { cache_.settle(); }
+
+  /// Bytes of the buffer to create.
+  int64_t capacity() const { return setup_.capacity; }
+  /// GPU memory beside it that resident units take.
+  int64_t beside_used() const { return beside_used_; }
+  /// In the buffer; -1: not there.
+  int64_t offset(uint32_t unit) const { return place_[unit].offset; }
+
+  struct Upload {
+    uint32_t unit;
+    int64_t offset;
+    std::shared_ptr<const Bytes> page;    ///< decoded
+    std::shared_ptr<const Bytes> beside;  ///< null: none
+  };
+  /// Makes the unit resident, dropping units unused in this frame where room is needed; `wait` reads from
+  /// storage if it must. Nothing when it is not in main memory yet or no room can be made.
+  std::optional<Upload> admit(uint32_t unit, bool wait, std::vector<uint32_t>& dropped);
+
+ private:
+  struct Place {
+    int64_t offset = -1;
+    uint64_t used = 0;
+  };
+  int64_t allocate(int64_t bytes);
+  void release(uint32_t unit);
+  bool drop_one(std::vector<uint32_t>& dropped);
+
+  Setup setup_;
+  PageCache cache_;
+  int64_t beside_used_ = 0;
+  uint64_t frame_ = 1;
+  std::vector<Place> place_;
+  std::vector<uint32_t> loaded_;     // resident units that are not roots, any order
+  std::map<int64_t, int64_t> free_;  // offset -> bytes
+  std::vector<Want> wanted_;
+};
+
+}  // namespace lodlab
