@@ -7,6 +7,9 @@
 layout(location = 0) in float a_height;
 layout(location = 1) in ivec4 a_place;  // first column and row; index of its height; rows of the tile
 layout(location = 2) in uvec2 a_tag;    // node; level << 16 | log2 of its side << 8 | log2 of its stride
+#ifdef LODLAB_ATTRIBUTE
+layout(location = 3) in vec4 a_colors;  // u and v of its first sample; from one sample to the next; layer
+#endif
 
 layout(std430, binding = 3) readonly buffer Heights { float heights[]; };
 layout(std430, binding = 4) readonly buffer Strides { uint strides[]; };  // a byte a block
@@ -41,4 +44,7 @@ void main() {
   }
   ivec2 cell = ivec2(at.col, at.row);
   emit_surface(surface_position(cell, height), surface_grid(cell), a_tag.x, a_tag.y >> 16, false);
+#ifdef LODLAB_ATTRIBUTE
+  v_attribute = vec3(a_colors.xy + vec2(cell - a_place.xy) * a_colors.z, a_colors.w);
+#endif
 }

@@ -12,6 +12,7 @@
 #include "base/parallel.h"
 #include "geometry/coverage.h"
 #include "method/sample_code.h"
+#include "methods/multigrain/colors.h"
 #include "methods/multigrain/measure.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/tiles.h"
@@ -223,6 +224,8 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   const Layout layout = choose_layout(bands.frame(), options);
   const Bounds bounds = options.text("bounds") == "drawn" ? Bounds::kDrawn : Bounds::kBilinear;
   const double finest_error = options.real("finest_error");
+  const std::string& attribute = options.text("attribute");
+  if (!attribute.empty()) put_colors(attribute, bands.frame(), layout, writer, progress);
   const Tiles tiles(layout);
   const std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
   const double half = 0.5 / static_cast<double>(steps.size());

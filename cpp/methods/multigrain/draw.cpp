@@ -6,12 +6,14 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "base/errors.h"
 #include "gl/buffer.h"
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
+#include "methods/multigrain/color_memory.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tiles.h"
@@ -74,7 +76,7 @@ class TileMemory {
     int64_t tile_rows;
   };
   /// Of a node drawn with this stride; brings its tile if need be.
-  Place place(const Forest& forest, const Node& node, int stride_log2, render::Submitted& submitted) {
+  Place place(const Forest& forest, const Patch& node, int stride_log2, render::Submitted& submitted) {
     const int64_t id = tiles_.id(stride_log2, node.row, node.col);
     const Tile tile = tiles_.at(id);
     int64_t& offset = offsets_[static_cast<size_t>(id)];
@@ -122,16 +124,18 @@ struct MultigrainSession::Gpu {
     int64_t triangles;
   };
 
-  explicit Gpu(const Forest& forest)
+  Gpu(const Forest& forest, double texels_per_pixel)
       : field(render::make_field_resources(forest.frame, forest.coverage())), tiles(forest) {
     arrays.floats(0, 0, 1, GL_FLOAT, 0);
     arrays.integers(1, 1, 4, GL_INT, 0);
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
     gl::check("glVertexArrayBindingDivisor");
+    if (Colors::in(*forest.store)) colors.emplace(forest, texels_per_pixel, arrays);
   }
 
   void add(const Forest& forest, const CutNode& picked, render::Pass& pass);
+  void add(const Forest& forest, const CutNode& picked, const Patch& patch, render::Pass& pass);
   void upload(render::Submitted& submitted);
   void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
 
@@ -145,17 +149,32 @@ struct MultigrainSession::Gpu {
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
   std::vector<Batch> batches;
+  std::optional<ColorMemory> colors;
 };
 
+/// With colours a node is drawn as the patches that share its grid's vertices, each with a tile of its own.
 void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, render::Pass& pass) {
+  const Node& node = forest.node[picked.node];
+  ++pass.submitted.nodes;
+  if (!colors) {
+    add(forest, picked, {node.row, node.col, forest.layout.node_log2(node.level), -1}, pass);
+    return;
+  }
+  const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
+  for (const Patch& patch : colors->patches(picked.node, stride, pass.camera(), pass.submitted))
+    add(forest, picked, patch, pass);
+}
+
+void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, const Patch& patch,
+                                 render::Pass& pass) {
   const Layout& layout = forest.layout;
   const Node& node = forest.node[picked.node];
-  const int size = layout.node_log2(node.level);
+  const int size = patch.size_log2;
   const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
-  const int64_t last = node.row + (int64_t{1} << size);
-  const TileMemory::Place place = tiles.place(forest, node, stride, pass.submitted);
-  Shape shape{layout.cells_x(node.col, size, stride), layout.cells_y(node.row, size, stride), 0,
-              layout.pole_first && node.row == 0, layout.pole_last && last >= layout.last_row()};
+  const int64_t last = patch.row + (int64_t{1} << size);
+  const TileMemory::Place place = tiles.place(forest, patch, stride, pass.submitted);
+  Shape shape{layout.cells_x(patch.col, size, stride), layout.cells_y(patch.row, size, stride), 0,
+              layout.pole_first && patch.row == 0, layout.pole_last && last >= layout.last_row()};
   if (shape.cells_x > kStrip) shape.tile_rows = place.tile_rows;
   const Grids::Range grid = grids.range(shape);
   const int64_t triangles = grid.indices / 3;
@@ -166,12 +185,11 @@ void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, re
   batches.back().triangles += triangles;
   command_data.push_back({grid.indices, 1, grid.first_index, static_cast<int32_t>(place.height),
                           static_cast<uint32_t>(instance_data.size())});
-  instance_data.push_back({node.col, node.row, static_cast<int32_t>(place.height),
+  instance_data.push_back({patch.col, patch.row, static_cast<int32_t>(place.height),
                            static_cast<int32_t>(place.tile_rows), picked.node,
                            static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
   pass.submitted.triangles += triangles;
   pass.submitted.vertices += (shape.cells_x + 1) * (shape.cells_y + 1);
-  ++pass.submitted.nodes;
 }
 
 /// Brings what changed to the GPU. Grids that a frame adds stay.
@@ -184,6 +202,7 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
   send(instances, as_bytes(instance_data));
   send(commands, as_bytes(command_data));
   send(strides, as_bytes(map));
+  if (colors) colors->upload(arrays, submitted);
   if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
     indices = gl::Buffer(grids.indices());
     submitted.upload_bytes += indices.bytes();
@@ -194,7 +213,8 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
 }
 
 void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
-  const unsigned name = pass.use(program, *field, false);
+  const unsigned name = pass.use(program, *field, colors.has_value());
+  if (colors) colors->bind();
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
   glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
@@ -213,11 +233,12 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
 void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const Forest& forest = *forest_;
-  if (!gpu_) gpu_ = std::make_shared<Gpu>(forest);
+  if (!gpu_) gpu_ = std::make_shared<Gpu>(forest, texels_per_pixel_);
   Gpu& gpu = *gpu_;
   gpu.instance_data.clear();
   gpu.command_data.clear();
   gpu.batches.clear();
+  if (gpu.colors) gpu.colors->begin_frame();
   gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
   for (const CutNode& picked : cut.nodes) {
     forest.mark(forest.node[picked.node], static_cast<int>(picked.resolution), gpu.map);
@@ -232,6 +253,7 @@ int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
   int64_t sum = gpu.field->bytes() + gpu.tiles.heights().bytes();
+  if (gpu.colors) sum += gpu.colors->bytes();
   for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
     sum += b->bytes();
   }

@@ -52,6 +52,7 @@ std::vector<OptionSpec> option_table() {
        "",
        "Errors of the triangles as drawn, or the paper's, of bilinear interpolation, which bound nothing.",
        {"drawn", "bilinear"}},
+      {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
       {"projection",
        std::string("strict"),
        kDraw,
@@ -65,6 +66,14 @@ std::vector<OptionSpec> option_table() {
        "How the cut is found: top-down, by dual queues, by the paper's quad-queue; auto: by what the budget "
        "limits.",
        {"auto", "topdown", "dual", "quad"}},
+      {"texels_per_pixel",
+       1.0,
+       kDraw,
+       "",
+       "Texels of colour a pixel, whatever the grids; more are sharper and may flicker.",
+       {},
+       0.125,
+       8.0},
   };
 }
 
@@ -106,6 +115,7 @@ MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const
       options_json_(options.to_json()),
       projection_(projection_of(options)),
       adapt_(adapt_of(options)),
+      texels_per_pixel_(options.real("texels_per_pixel")),
       adaptation_(std::make_unique<Adaptation>(*forest_, projection_)) {}
 
 MultigrainSession::~MultigrainSession() = default;

@@ -30,6 +30,7 @@ class MultigrainSession : public Session {
   std::string options_json_;
   Projection projection_;
   Adapt adapt_;
+  double texels_per_pixel_;
   struct Adaptation;  // select.cpp: what the next frame starts from, and scratch memory
   std::unique_ptr<Adaptation> adaptation_;
   struct Gpu;  // draw.cpp: GL objects
