@@ -12,7 +12,8 @@ import math
 import numpy as np
 import pytest
 
-from lodlab import _core, bench, datasets
+import lodlab as lod
+from lodlab import _core, bench, bench_multigrain, datasets
 from lodlab.errors import InvalidInput
 from lodlab.paths import CameraPath
 
@@ -22,7 +23,7 @@ FIELDS = {
 
 
 def record(**values):
-    return bench._record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
+    return bench.record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
 
 
 def test_bootstrap_interval_holds_the_median_and_narrows_with_samples():
@@ -63,8 +64,16 @@ def test_check_names_what_falls_short(tmp_path):
     assert "0.94 " in bench.check([record(ratio_low=0.94)], bars)[0]
     assert len(bench.check([record(ratio_low=math.nan)], bars)) == 1, "an unmeasured figure passed"
     assert len(bench.check([record(ratio_low=0.96) | {"case": "full/jacksboro"}], bars)) == 1
-    slow = bench._record("select", "chunked/x", 10.5, "us/frame")
+    slow = bench.record("select", "chunked/x", 10.5, "us/frame")
     assert "above 10" in bench.check([slow], bars)[0]
+
+
+def test_a_bar_may_stand_on_a_detail(tmp_path):
+    bars = tmp_path / "bars.toml"
+    bars.write_text('[[bar]]\nbench = "draw"\ncase = "chunked/*"\nfield = "details.p99_us"\nmax = 5.0\n')
+    assert bench.check([record(details={"p99_us": 4.0})], bars) == []
+    assert "details.p99_us 6 " in bench.check([record(details={"p99_us": 6})], bars)[0]
+    assert len(bench.check([record()], bars)) == 1, "a detail that is not there passed"
 
 
 def test_a_bar_without_a_limit_is_refused(tmp_path):
@@ -79,7 +88,7 @@ def test_bars_of_the_project_name_benches_that_exist():
 
     bars = tomllib.loads(bench.bars_file().read_text())["bar"]
     assert {bar["bench"] for bar in bars} <= set(bench.names())
-    assert {"draw", "select", "build", "memory", "measure", "demo"} == {bar["bench"] for bar in bars}
+    assert {bar["bench"] for bar in bars} == set(bench.names())
 
 
 def test_unknown_bench_lists_the_known_ones():
@@ -122,3 +131,19 @@ def test_select_is_timed_for_every_frame_and_repeat(session):
     assert chunks.tolist() == [chunked.select(v, budget).visible_nodes for v in views]
     scan = _core.time_scan(store, views, 2.0, 3)
     assert scan.shape == (3, 5) and (scan > 0.0).all()
+
+
+def test_a_planet_resampled_has_no_fewer_triangles_and_its_own_heights():
+    rows, cols = np.mgrid[0:21, 0:40]
+    planet = lod.HeightField((10.0 * rows).astype(np.float32), planet=True)
+    coarse = bench_multigrain._resampled(planet, 150)
+    below, cells = coarse.heights.shape[0] - 1, coarse.heights.shape[1]
+    assert cells == 2 * below and 2 * cells * (below - 1) >= 150 > 2 * (cells - 2) * (below - 2)
+    assert np.allclose(coarse.heights, np.linspace(0.0, 200.0, below + 1)[:, None])
+
+
+def test_random_cuts_are_counted_with_their_cracks(tmp_path):
+    lab = bench.Lab(tmp_path, lambda text: None)
+    for tile in bench_multigrain.TILES:
+        found = bench_multigrain._cuts_of(lab, tile, 5)
+        assert found["details"]["cuts"] == 5 and found["details"]["crack_edges"] == 0 and found["value"] > 0.0

@@ -9,7 +9,8 @@ options, seed}``; ``ratio`` is always "larger is better" and carries the ends of
 Times are taken inside the core, so that no interpreter stands between the two clocks. Nothing is measured on
 fewer than five repeats, and medians are compared, never means.
 
-Longer than other files: a function a benchmark, and nothing that two of them do not share.
+The benchmarks of `multigrain` stand in bench_multigrain.py, what all share in bench_lab.py; `full` and `chunked` are
+here. Longer than other files: a function a benchmark, and nothing that two of them do not share.
 """
 
 from __future__ import annotations
@@ -29,114 +30,22 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, datasets, results
+from . import _core, bench_multigrain, results
+from .bench_lab import (
+    REPEATS,
+    SEED,
+    Lab,
+    Record,
+    Say,
+    bootstrap_median,
+    device,
+    draw_case,
+    interleaved,
+    options_of,
+    record,
+)
 from .errors import InvalidInput
 from .metrics import METRICS, measure
-from .paths import CameraPath
-
-SIZE = (1280, 720)
-SEED = 1
-PAIRS = 41
-REPEATS = 5
-
-Record = dict[str, Any]
-Say = Callable[[str], None]
-
-
-class Lab:
-    """What the benchmarks of one call share: a folder for stores, sources and stores made once, progress texts."""
-
-    def __init__(self, folder: Path, say: Say):
-        self.folder = folder
-        self.say = say
-        self._sources: dict[str, Any] = {}
-        self._stores: dict[tuple[str, str, str], Any] = {}
-
-    def source(self, spec: str) -> Any:
-        """The lodlab.HeightField of a SOURCE."""
-        if spec not in self._sources:
-            self._sources[spec] = datasets.load(spec)
-        return self._sources[spec]
-
-    def store(self, spec: str, method: str, **options: Any) -> Any:
-        """An opened core store of the source, built with these options on first use."""
-        key = (spec, method, results.options_text(options))
-        if key not in self._stores:
-            self.say(f"building {method} of {spec}")
-            path = self.folder / f"{len(self._stores)}.lod"
-            self._stores[key] = _core.build(self.source(spec).core, method, str(path), options, "new", None)
-        return self._stores[key]
-
-    def views(self, spec: str, frames: int) -> list[Any]:
-        """The views of the built-in flyover over a source."""
-        path = CameraPath.flyover(self.source(spec), frames=frames)
-        return [path.view(f, size=SIZE) for f in range(frames)]
-
-
-# ---- statistics -----------------------------------------------------------------------------------
-
-
-def bootstrap_median(samples: np.ndarray, *, rounds: int = 4000, seed: int = SEED) -> tuple[float, float, float]:
-    """Median of ``samples`` (N,) and the ends of its percentile bootstrap 95 % interval.
-
-    Raises:
-        InvalidInput: Fewer than five samples.
-    """
-    samples = np.asarray(samples, dtype=np.float64)
-    if samples.ndim != 1 or samples.size < 5:
-        raise InvalidInput(f"bootstrap_median: {samples.shape} samples; a median needs at least 5 in one dimension")
-    draws = np.random.default_rng(seed).integers(0, samples.size, (rounds, samples.size))
-    low, high = np.percentile(np.median(samples[draws], axis=1), [2.5, 97.5])
-    return float(np.median(samples)), float(low), float(high)
-
-
-def interleaved(first: Callable[[], float], second: Callable[[], float], pairs: int) -> np.ndarray:
-    """Runs two timed calls in turn, the order swapped from pair to pair; (pairs, 2) of what they return."""
-    first()
-    second()
-    out = np.empty((pairs, 2))
-    for i in range(pairs):
-        if i % 2 == 0:
-            out[i] = first(), second()
-        else:
-            b = second()
-            out[i] = first(), b
-    return out
-
-
-# ---- records --------------------------------------------------------------------------------------
-
-
-def _record(bench: str, case: str, value: float, unit: str, **more: Any) -> Record:
-    record: Record = {
-        "bench": bench,
-        "case": case,
-        "value": value,
-        "unit": unit,
-        "reference": "",
-        "reference_value": math.nan,
-        "ratio": math.nan,
-        "device": "",
-        "commit": results.commit(),
-        "options": "{}",
-        "seed": SEED,
-        "ratio_low": math.nan,
-        "ratio_high": math.nan,
-        "details": {},
-    }
-    unknown = set(more) - set(record)
-    if unknown:
-        raise TypeError(f"a record has no {sorted(unknown)}")
-    return record | more
-
-
-def _device() -> str:
-    return _core.gl_info()["renderer"]
-
-
-def _options(store: Any, draw: dict[str, Any]) -> str:
-    return results.options_text({**store.options, **_core.resolve_options(store.method, "draw", draw)})
-
 
 # ---- draw -----------------------------------------------------------------------------------------
 
@@ -155,37 +64,9 @@ def _draw(lab: Lab) -> Iterable[Record]:
         reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
         for discard in (False, True):
             lab.say(f"draw chunked/{name}{'/discard' if discard else ''}")
-            yield _draw_case(name, store, session, cut, view, reference, discard)
-
-
-def _draw_case(name: str, store: Any, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:
-    times = interleaved(
-        lambda: session.time_draw(cut, view, discard), lambda: reference.time_draw(view, discard), PAIRS
-    )
-    ratio, low, high = bootstrap_median(times[:, 1] / times[:, 0])
-    ours, theirs = np.median(times, axis=0)
-    return _record(
-        "draw",
-        f"chunked/{name}" + ("/discard" if discard else ""),
-        cut.triangles / (ours / 1e3),
-        "triangles/s",
-        reference="static buffer",
-        reference_value=reference.triangles / (theirs / 1e3),
-        ratio=ratio,
-        ratio_low=low,
-        ratio_high=high,
-        device=_device(),
-        options=_options(store, DRAW_OPTIONS),
-        details={
-            "ms": ours,
-            "reference_ms": theirs,
-            "triangles": cut.triangles,
-            "filler_triangles": cut.filler_triangles,
-            "chunks": cut.visible_nodes,
-            "reference_vertices": reference.vertices,
-            "pairs": PAIRS,
-        },
-    )
+            case = f"chunked/{name}" + ("/discard" if discard else "")
+            drawn = draw_case(case, session, cut, view, reference, discard)
+            yield drawn | {"options": options_of(store, DRAW_OPTIONS)}
 
 
 # ---- select ---------------------------------------------------------------------------------------
@@ -219,7 +100,7 @@ def _select(lab: Lab) -> Iterable[Record]:
         scan = _core.time_scan(store, views, pixel_error, 21)
         per_repeat = np.median(scan, axis=1) / np.median(times, axis=1)
         ratio, low, high = bootstrap_median(per_repeat)
-        yield _record(
+        yield record(
             "select",
             f"chunked/fractal-{size}",
             float(np.median(times)),
@@ -229,7 +110,7 @@ def _select(lab: Lab) -> Iterable[Record]:
             ratio=ratio,
             ratio_low=low,
             ratio_high=high,
-            options=_options(store, DRAW_OPTIONS),
+            options=options_of(store, DRAW_OPTIONS),
             details={
                 "chunks_drawn": float(np.median(chunks)),
                 "chunks_drawn_max": int(np.max(chunks)),
@@ -300,7 +181,7 @@ def _build(lab: Lab) -> Iterable[Record]:
     finest = info["levels"][-1]
     nodes = kept["store"].nodes
     surface = kept["store"].session({}).cut(nodes["id"][nodes["level"] == finest["level"]], None)
-    yield _record(
+    yield record(
         "build",
         f"chunked/fractal-{BUILD_SIZE}",
         heights.size / float(np.median(times)),
@@ -361,7 +242,7 @@ def _memory(lab: Lab) -> Iterable[Record]:
     peaks = np.array([s["peak"] for s in seen], dtype=np.float64)
     one = seen[int(np.argsort(peaks)[len(peaks) // 2])]
     whole = (one["peak"] - one["array"]) / one["samples"]
-    yield _record(
+    yield record(
         "memory",
         f"chunked/fractal-{BUILD_SIZE}",
         whole,
@@ -393,7 +274,7 @@ def _measure(lab: Lab) -> Iterable[Record]:
         frames = [_measure_frame(instrument, session, reference, view) for view in lab.views(spec, REPEATS)]
         ours, theirs = (float(np.median([np.median(times[:, k]) for times in frames])) for k in (0, 1))
         ratio, low, high = bootstrap_median(np.array([np.median(times[:, 1] / times[:, 0]) for times in frames]))
-        yield _record(
+        yield record(
             "measure",
             f"chunked/{name}",
             ours,
@@ -403,8 +284,8 @@ def _measure(lab: Lab) -> Iterable[Record]:
             ratio=ratio,
             ratio_low=low,
             ratio_high=high,
-            device=_device(),
-            options=_options(store, DRAW_OPTIONS),
+            device=device(),
+            options=options_of(store, DRAW_OPTIONS),
             details={
                 "times_full": 1.0 / ratio,
                 "views": len(frames),
@@ -458,7 +339,7 @@ def _accuracy(lab: Lab) -> Iterable[Record]:
             rows.append(measure(instrument, session, cut, view, pictures=False))
         measured = max(r["measured_px_max"] for r in rows)
         predicted = max(r["predicted_px"] for r in rows)
-        yield _record(
+        yield record(
             "accuracy",
             f"chunked/{spec}/{pixel_error:g}px",
             measured,
@@ -466,8 +347,8 @@ def _accuracy(lab: Lab) -> Iterable[Record]:
             reference="predicted_px",
             reference_value=predicted,
             ratio=measured / predicted if predicted > 0 else math.nan,
-            device=_device(),
-            options=_options(store, DRAW_OPTIONS),
+            device=device(),
+            options=options_of(store, DRAW_OPTIONS),
             details={
                 "measured_px_max_median": float(np.median([r["measured_px_max"] for r in rows])),
                 "measured_max": max(r["measured_max"] for r in rows),
@@ -489,32 +370,33 @@ def _demo(lab: Lab) -> Iterable[Record]:
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"demo: lodlab compare ended with status {done.returncode}: {done.stderr[-2000:]}")
-    yield _record(
+    yield record(
         "demo",
         "compare/jacksboro",
         time.perf_counter() - start,
         "s",
-        device=_device(),
+        device=device(),
         details={"report_bytes": (out / "report.html").stat().st_size, "cores": os.cpu_count()},
     )
 
 
 # ---- the face -------------------------------------------------------------------------------------
 
-BENCHES: dict[str, Callable[[Lab], Iterable[Record]]] = {
-    "draw": _draw,
-    "select": _select,
-    "build": _build,
-    "memory": _memory,
-    "measure": _measure,
-    "accuracy": _accuracy,
-    "demo": _demo,
+BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
+    "draw": (_draw, bench_multigrain.draw),
+    "select": (_select, bench_multigrain.select),
+    "build": (_build, bench_multigrain.build),
+    "memory": (_memory,),
+    "measure": (_measure,),
+    "accuracy": (_accuracy, bench_multigrain.accuracy),
+    "cuts": (bench_multigrain.cuts,),
+    "demo": (_demo,),
 }
 
 
 def names() -> dict[str, str]:
     """Every benchmark's name with one sentence on it."""
-    return {name: (bench.__doc__ or "").strip().splitlines()[0] for name, bench in BENCHES.items()}
+    return {name: (parts[0].__doc__ or "").strip().splitlines()[0] for name, parts in BENCHES.items()}
 
 
 def run(which: Sequence[str] | None = None, *, say: Say | None = None) -> list[Record]:
@@ -538,7 +420,8 @@ def run(which: Sequence[str] | None = None, *, say: Say | None = None) -> list[R
     with tempfile.TemporaryDirectory(prefix="lodlab-bench-") as folder:
         lab = Lab(Path(folder), say or (lambda text: None))
         for name in wanted:
-            out.extend(BENCHES[name](lab))
+            for part in BENCHES[name]:
+                out.extend(part(lab))
     return out
 
 
@@ -562,6 +445,13 @@ def bars_file() -> Path:
     return tree if tree.exists() else here / "bars.toml"
 
 
+def _field(record: Record, name: str) -> float:
+    """A figure of a record, nan where it is not there; `details.NAME` is one of its details."""
+    group, _, detail = name.rpartition(".")
+    value = (record.get(group, {}) if group else record).get(detail)
+    return math.nan if value is None else float(value)
+
+
 def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
     """One line for each bar that does not hold among the benchmarks that ran; empty when all hold.
 
@@ -581,10 +471,9 @@ def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
         found = [r for r in records if r["bench"] == bar["bench"] and fnmatch.fnmatchcase(r["case"], bar["case"])]
         if not found:
             failures.append(f"{bar['bench']} {bar['case']}: not measured")
-        for record in found:
-            value = record.get(bar["field"])
-            value = math.nan if value is None else float(value)
-            where = f"{record['bench']} {record['case']}: {bar['field']} {value:.4g} ({record['unit']})"
+        for one in found:
+            value = _field(one, bar["field"])
+            where = f"{one['bench']} {one['case']}: {bar['field']} {value:.4g} ({one['unit']})"
             if "min" in bar and not value >= bar["min"]:
                 failures.append(f"{where} is below {bar['min']:g}")
             if "max" in bar and not value <= bar["max"]:
