@@ -35,7 +35,7 @@ from .passes import still
 from .paths import CameraPath
 
 PLANET = "earth:planet=true"
-TERRAINS = ((PLANET, "earth-planet"), (f"fractal:size=2049,seed={SEED}", "fractal-2049"))
+TERRAINS = ((PLANET, "earth-planet"), (f"fractal:size=4097,seed={SEED}", "fractal-4097"))
 NODES = 400
 TRIANGLES = 2_000_000
 
@@ -54,7 +54,7 @@ def draw(lab: Lab) -> Iterable[Record]:
     for spec, name in TERRAINS:
         store = lab.store(spec, "multigrain")
         session, options = _session(store)
-        view = lab.views(spec, 9)[4]
+        view = lab.views(spec, 9)[1]  # further on, 2 M triangles need fewer nodes
         cut = session.select(view, _core.Budget(triangles=TRIANGLES, nodes=NODES))
         reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
         for discard in (False, True):
@@ -103,6 +103,7 @@ def select(lab: Lab) -> Iterable[Record]:
             options=options_of(store, options),
             details={
                 "p99_us": float(np.percentile(times, 99)),
+                "p99_of_frames_us": float(np.percentile(np.median(times, axis=0), 99)),
                 "first_frame_us": float(np.median(times[:, 0])),
                 "budget": limits | {"nodes": NODES},
                 "nodes_drawn": float(np.median(nodes)),
