@@ -2,6 +2,7 @@
 #include "method/residency.h"
 
 #include <algorithm>
+#include <tuple>
 
 namespace lodlab {
 
@@ -62,14 +63,17 @@ void Residency::release(uint32_t unit) {
   free_[offset] = bytes;
 }
 
-/// Drops the least recently used unit, the highest number first among equals: children go before their
-/// parent, which was used whenever they were. Roots are locked.
-bool Residency::drop_one(std::vector<uint32_t>& dropped) {
-  const auto older = [&](uint32_t a, uint32_t b) {
-    return place_[a].used != place_[b].used ? place_[a].used < place_[b].used : a > b;
+/// Drops the least recently used unit, of those used in this frame the one of least worth, the highest number
+/// first among equals: children go before their parent, which was used whenever they were. Roots are locked.
+bool Residency::drop_one(double worth, std::vector<uint32_t>& dropped) {
+  const auto rank = [&](uint32_t unit) {
+    const Place& place = place_[unit];
+    return std::tuple(place.used, place.used == frame_ ? place.worth : 0.0, ~unit);
   };
-  const auto victim = std::min_element(loaded_.begin(), loaded_.end(), older);
-  if (victim == loaded_.end() || place_[*victim].used >= frame_) return false;
+  const auto victim = std::min_element(loaded_.begin(), loaded_.end(),
+                                       [&](uint32_t a, uint32_t b) { return rank(a) < rank(b); });
+  if (victim == loaded_.end()) return false;
+  if (place_[*victim].used == frame_ && !(place_[*victim].worth < 0.5 * worth)) return false;
   dropped.push_back(*victim);
   release(*victim);
   *victim = loaded_.back();
@@ -77,7 +81,8 @@ bool Residency::drop_one(std::vector<uint32_t>& dropped) {
   return true;
 }
 
-std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::vector<uint32_t>& dropped) {
+std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::vector<uint32_t>& dropped,
+                                                  double worth) {
   const Unit& unit = setup_.units[id];
   const auto page = [&](int kind) {
     return wait ? cache_.load(kind, unit.page) : cache_.find(kind, unit.page);
@@ -86,10 +91,10 @@ std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::v
   if (unit.beside > 0) upload.beside = page(setup_.beside_kind);
   if (upload.page == nullptr || (unit.beside > 0 && upload.beside == nullptr)) return std::nullopt;
   while (beside_used_ + unit.beside > setup_.beside_capacity || (upload.offset = allocate(unit.bytes)) < 0) {
-    if (!drop_one(dropped)) return std::nullopt;
+    if (!drop_one(worth, dropped)) return std::nullopt;
   }
   place_[id].offset = upload.offset;
-  place_[id].used = frame_;
+  touch(id, worth);
   beside_used_ += unit.beside;
   if (id >= setup_.roots) loaded_.push_back(id);
   return upload;

@@ -4,12 +4,14 @@
 // method's draw.cpp carries out what this decides.
 //
 // Units are numbered so that parents come before their children, and roots, which are locked, come first. A
-// method that uses a unit's parents whenever it uses the unit has this invariant: the parents of a resident
-// unit are resident, since among the least recently used the highest number is dropped first.
+// method that uses a unit's parents whenever it uses the unit, for no less worth, has this invariant: the
+// parents of a resident unit are resident, since among equals the highest number is dropped first.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -44,9 +46,17 @@ class Residency {
   bool resident(uint32_t unit) const {
     return !setup_.stream || place_[unit].offset >= 0 || unit < setup_.roots;
   }
-  /// Marks a unit as used in this frame: it is not dropped before the next one.
-  void touch(uint32_t unit) { place_[unit].used = frame_; }
-  bool touched(uint32_t unit) const { return place_[unit].used == frame_; }
+  /// Marks a unit as used in this frame: it is not dropped before the next one, but for a unit of more than
+  /// twice its worth.
+  void touch(uint32_t unit, double worth = std::numeric_limits<double>::infinity()) {
+    Place& place = place_[unit];
+    place.worth = place.used == frame_ ? std::max(place.worth, worth) : worth;
+    place.used = frame_;
+  }
+  /// Whether it was, with at least this worth.
+  bool touched(uint32_t unit, double worth = 0.0) const {
+    return place_[unit].used == frame_ && place_[unit].worth >= worth;
+  }
   void next_frame() { ++frame_; }
 
   struct Want {
@@ -73,18 +83,20 @@ class Residency {
     std::shared_ptr<const Bytes> page;    ///< decoded
     std::shared_ptr<const Bytes> beside;  ///< null: none
   };
-  /// Makes the unit resident, dropping units unused in this frame where room is needed; `wait` reads from
-  /// storage if it must. Nothing when it is not in main memory yet or no room can be made.
-  std::optional<Upload> admit(uint32_t unit, bool wait, std::vector<uint32_t>& dropped);
+  /// Makes the unit resident, dropping units unused in this frame, or worth less than half, where room is
+  /// needed; `wait` reads from storage if it must. Nothing when it is not in main memory yet or no room can
+  /// be made.
+  std::optional<Upload> admit(uint32_t unit, bool wait, std::vector<uint32_t>& dropped, double worth = 0.0);
 
  private:
   struct Place {
     int64_t offset = -1;
     uint64_t used = 0;
+    double worth = 0.0;  ///< in that frame
   };
   int64_t allocate(int64_t bytes);
   void release(uint32_t unit);
-  bool drop_one(std::vector<uint32_t>& dropped);
+  bool drop_one(double worth, std::vector<uint32_t>& dropped);
 
   Setup setup_;
   PageCache cache_;

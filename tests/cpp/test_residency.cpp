@@ -102,6 +102,25 @@ TEST_CASE("what a frame uses stays: nothing more is admitted until the next one"
   CHECK(residency.resident(0));
 }
 
+TEST_CASE("what a frame uses gives way to what is worth more than twice as much") {
+  const TemporaryFolder folder;
+  Residency residency(quadtree(folder), setup_of(4 * kBytes));
+  std::vector<uint32_t> dropped;
+  CHECK(residency.admit(0, true, dropped));
+  for (const uint32_t unit : {1u, 2u, 3u}) CHECK(residency.admit(unit, true, dropped, unit));
+  CHECK_FALSE(residency.admit(4, true, dropped, 2.0));
+  CHECK(dropped.empty());
+  CHECK(residency.admit(4, true, dropped, 2.1));
+  CHECK(dropped == std::vector<uint32_t>{1});
+  residency.touch(2, 8.0);
+  CHECK(residency.admit(1, true, dropped, 100.0));
+  CHECK(dropped == std::vector<uint32_t>{1, 4});
+  residency.touch(1);
+  residency.touch(2);
+  residency.touch(3);
+  CHECK_FALSE(residency.admit(4, true, dropped, 1e300));
+}
+
 TEST_CASE("what is wanted arrives in main memory, and is admitted from there") {
   const TemporaryFolder folder;
   Residency::Setup setup = setup_of(4 * kBytes);

@@ -21,9 +21,10 @@ bool contains(const Camera& camera, const Box& box) {
 
 }  // namespace
 
-Adapter::Adapter(const Forest& forest, Projection projection)
+Adapter::Adapter(const Forest& forest, Projection projection, Paging* paging)
     : forest_(forest),
       projection_(projection),
+      paging_(paging != nullptr && paging->streams() ? paging : nullptr),
       projector_(projection, make_camera({})),
       spot_(forest.node.size()),
       split_(forest.node.size()),
@@ -69,7 +70,8 @@ void Adapter::forget() {
   triangles_ = nodes_ = active_ = 0;
 }
 
-/// The last frame's cut under this frame's view: culled nodes fall back to their least resolution.
+/// The last frame's cut under this frame's view: culled nodes fall back to their least resolution, nodes
+/// whose heights went to the finest one that is left.
 void Adapter::begin() {
   moves_.clear();
   queues_up_ = false;
@@ -82,9 +84,9 @@ void Adapter::begin() {
     if (spot_[id].k < 0) continue;
     Spot& spot = look(id);
     if (spot.visible) {
+      set_resolution(id, std::min(spot.k, spot.most));
       triangles_ += triangles(id, spot.k);
       ++nodes_;
-      set_resolution(id, spot.k);
     } else {
       set_resolution(id, node(id).least);
     }
@@ -109,12 +111,13 @@ bool Adapter::roots_fit() {
   return sum <= frame_.triangles && count <= frame_.nodes;
 }
 
-/// Whether the node is seen, and from where: once a frame.
+/// Whether the node is seen, from where, and which of its heights are there: once a frame.
 Adapter::Spot& Adapter::look(uint32_t id) {
   Spot& spot = spot_[id];
   if (spot.seen == frames_) return spot;
   spot.seen = frames_;
   const Node& n = node(id);
+  spot.most = static_cast<int8_t>(paging_ != nullptr ? paging_->available(n) : n.most);
   if (n.parent >= 0) {  // boxes nest
     const Spot& parent = spot_[static_cast<size_t>(n.parent)];
     spot.inside = parent.seen == frames_ && parent.inside;
@@ -143,14 +146,14 @@ double Adapter::allowed(uint32_t id, double pixels) const {
   return std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
 }
 
-/// The coarsest resolution within so many pixels, else the finest. Culled nodes: the coarsest.
+/// The coarsest resolution within so many pixels, else the finest that is there. Culled nodes: the coarsest.
 int Adapter::first_within(uint32_t id, double pixels) {
   const Node& n = node(id);
   int k = n.least;
   if (!look(id).visible) return k;
   const double error = allowed(id, pixels);
   const Resolution* row = &forest_.resolution[n.first_resolution];
-  while (k < n.most && row->error > error) ++k, ++row;
+  while (k < spot_[id].most && row->error > error) ++k, ++row;
   return k;
 }
 
@@ -164,6 +167,7 @@ void Adapter::set_resolution(uint32_t id, int k) {
 
 void Adapter::put(uint32_t id, int k) {
   Spot& spot = look(id);
+  k = std::min<int>(k, spot.most);
   set_resolution(id, k);
   if (spot.visible) {
     triangles_ += triangles(id, k);
@@ -244,13 +248,14 @@ void Adapter::list_cut() {
 }
 
 /// What could be better: errors above the target of nodes with a finer resolution, or with children. Nodes
-/// that show every sample are left out of the quad-queue's score, where only strides count. Where a
-/// finest_error left out resolutions, coarse leaves count in mode 1: an ancestor may be finer.
+/// that show every sample are left out of the quad-queue's score, where only strides count; so are nodes
+/// whose heights are not there. Where a finest_error left out resolutions, coarse leaves count in mode 1: an
+/// ancestor may be finer.
 Adapter::Score Adapter::score() const {
   Score score{0.0, triangles_, active_};
   for (const uint32_t id : cut_) {
     const Spot& spot = spot_[id];
-    if (spot.k < 0 || spot.rho <= std::max(frame_.target, score.worst)) continue;
+    if (spot.k < 0 || spot.rho <= std::max(frame_.target, score.worst) || starved(id)) continue;
     const bool below = node(id).children > 0, coarse = spot.stride > 0;
     if (spot.k < node(id).most || (local_ ? below && coarse : below || coarse)) score.worst = spot.rho;
   }

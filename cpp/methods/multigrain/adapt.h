@@ -16,14 +16,15 @@
 #include "method/projector.h"
 #include "methods/multigrain/heap.h"
 #include "methods/multigrain/hierarchy.h"
+#include "methods/multigrain/paging.h"
 #include "methods/multigrain/session.h"
 
 namespace lodlab::multigrain {
 
 class Adapter {
  public:
-  /// The forest outlives it.
-  Adapter(const Forest& forest, Projection projection);
+  /// The forest outlives it, and so does what says which of its heights are there; null: all of them.
+  Adapter(const Forest& forest, Projection projection, Paging* paging = nullptr);
 
   /// Fills the nodes and figures of a cut; the caller says what it promises. Throws Unsupported for an
   /// algorithm that does not serve the budget.
@@ -40,9 +41,11 @@ class Adapter {
     int64_t saved = 0;  ///< by a split under `saved_theta` at `saved_k`, in frame `saved_in`
     uint32_t seen = 0;  ///< the frame of `place` and `visible`
     uint32_t saved_in = 0;
-    uint32_t split_in = 0;  ///< the trade that split it
-    int8_t k = -1;          ///< resolution; -1: not on the cut
-    int8_t stride = 0;      ///< log2, at k
+    uint32_t split_in = 0;    ///< the trade that split it
+    uint32_t missing_in = 0;  ///< the frame in which it stands in for what is not there
+    int8_t k = -1;            ///< resolution; -1: not on the cut
+    int8_t most = 0;          ///< the finest one whose heights are there, in frame `seen`
+    int8_t stride = 0;        ///< log2, at k
     int8_t saved_k = 0;
     int8_t merge_k = 0;  ///< resolution that a merge would give it
     int8_t more = 0;     ///< visible nodes that a split adds
@@ -78,6 +81,9 @@ class Adapter {
   const Node& node(uint32_t id) const { return forest_.node[id]; }
   Spot& look(uint32_t id);
   int stride(uint32_t id) const { return spot_[id].stride; }
+  int most(uint32_t id) { return look(id).most; }
+  /// Whether a node is drawn coarser than it could be if all heights were there.
+  bool starved(uint32_t id) const { return spot_[id].k == spot_[id].most && spot_[id].k < node(id).most; }
   void set_resolution(uint32_t id, int k);
   double project(uint32_t id, int k) const;
   double allowed(uint32_t id, double pixels) const;
@@ -131,8 +137,13 @@ class Adapter {
   bool finer(uint32_t id, int wanted_stride);
   void write(const Budget& budget, Cut& cut);
 
+  // What is there, and what is wanted: adapt_paging.cpp
+  int finest_wanted(uint32_t id) const;
+  void page();
+
   const Forest& forest_;
   Projection projection_;
+  Paging* paging_;
   Projector projector_;
   Frame frame_;
   uint32_t frames_ = 0, trades_ = 0;
@@ -157,6 +168,11 @@ class Adapter {
 
   std::vector<uint32_t> owner_;  ///< of each block: the node drawn there
   std::vector<uint32_t> drawn_, work_;
+  struct Held {  ///< an edge of a node that waits for a neighbour's heights
+    uint32_t node, neighbour;
+    double rho;
+  };
+  std::vector<Held> held_;
 
   static constexpr uint32_t kNone = 0xffffffffu;
 };

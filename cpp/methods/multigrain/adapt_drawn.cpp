@@ -64,11 +64,12 @@ double Adapter::drawn_error(uint32_t id) const {
 }
 
 /// Gives the node a stride no larger than wanted, or splits it. False: it cannot be, or the budgets forbid
-/// it.
+/// it, or its heights are not there.
 bool Adapter::finer(uint32_t id, int wanted_stride) {
   const Node& n = node(id);
   const Spot& spot = spot_[id];
-  const int k = std::min<int>(forest_.layout.node_log2(n.level) - wanted_stride, n.most);
+  if (starved(id)) return false;
+  const int k = std::min<int>(forest_.layout.node_log2(n.level) - wanted_stride, spot.most);
   if (!spot.visible && k > spot.k) {
     resolve(id, k);
     return true;
@@ -78,7 +79,7 @@ bool Adapter::finer(uint32_t id, int wanted_stride) {
   int64_t more_nodes = spot.visible ? -1 : 0, more = spot.visible ? -triangles(id, spot.k) : 0;
   bool splits = n.children > 0;
   for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) {
-    splits = splits && node(c).most >= own;
+    splits = splits && most(c) >= own;
     if (!splits || !look(c).visible) continue;
     more += triangles(c, std::max<int>(node(c).least, own));
     ++more_nodes;
@@ -101,6 +102,7 @@ bool Adapter::finer(uint32_t id, int wanted_stride) {
 /// Every visible node's drawn error within so many pixels, or within its own where that is more.
 void Adapter::stitch(double pixels) {
   work_.clear();
+  held_.clear();
   for (const uint32_t id : cut_) {
     if (spot_[id].k >= 0 && spot_[id].visible) work_.push_back(id);
   }
@@ -115,6 +117,9 @@ void Adapter::stitch(double pixels) {
       const auto& neighbour = owner_[static_cast<size_t>(across)];
       while (stride(neighbour) > wanted && finer(neighbour, wanted)) {
       }
+      if (paging_ == nullptr || stride(neighbour) <= wanted || !starved(neighbour)) return;
+      const float error = forest_.errors.strip_error(block, edge, own, stride(neighbour));
+      held_.push_back({id, neighbour, projector_.project(error, spot_[id].place)});
     });
   }
 }
@@ -143,8 +148,10 @@ void Adapter::write(const Budget& budget, Cut& cut) {
     const uint32_t id = cut_[i];
     const Spot& spot = spot_[id];
     const double error = drawn_error(id);
-    cut.nodes[i] = {id, static_cast<uint32_t>(spot.k), 1.0f, spot.visible, false, error};
+    const bool missing = spot.missing_in == frames_;
+    cut.nodes[i] = {id, static_cast<uint32_t>(spot.k), 1.0f, spot.visible, missing, error};
     if (!spot.visible) continue;
+    cut.missing_nodes += missing;
     cut.tau = std::max(cut.tau, spot.rho);
     cut.predicted_px = std::max(cut.predicted_px, projector_.project(error, spot.place));
   }

@@ -98,10 +98,12 @@ void Adapter::weigh_split(uint32_t id) {
   spot.saved_k = spot.k;
 }
 
-/// The place of a split in the queue; none when there is nothing to gain.
+/// The place of a split in the queue; none when there is nothing to gain. A node above the target that waits
+/// for its heights stays as it is: its children would wait for the same ones.
 std::optional<Key> Adapter::split_key(uint32_t id) {
   const Spot& spot = spot_[id];
   if (node(id).children == 0 || !spot.visible) return std::nullopt;
+  if (!local_ && spot.rho > frame_.target && starved(id)) return std::nullopt;
   weigh_split(id);
   const bool press = pressed(id, spot.k, spot.rho);
   if (spot.saved == kNever || (!press && spot.saved <= 0)) return std::nullopt;

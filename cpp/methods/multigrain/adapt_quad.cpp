@@ -42,7 +42,7 @@ void Adapter::queue_resolution(uint32_t id) {
   const Spot& spot = spot_[id];
   const Node& n = node(id);
   const bool there = spot.k >= 0 && spot.visible;
-  if (there && spot.k < n.most) {
+  if (there && spot.k < spot.most) {
     refine_.set(id, {spot.rho, 0.0});
   } else {
     refine_.erase(id);
@@ -67,7 +67,7 @@ void Adapter::bring_up_resolution_queues() {
     const Spot& spot = spot_[id];
     if (spot.k < 0 || !spot.visible) continue;
     const Node& n = node(id);
-    if (spot.k < n.most) refine_.append(id, {spot.rho, 0.0});
+    if (spot.k < spot.most) refine_.append(id, {spot.rho, 0.0});
     if (spot.k > n.least) coarsen_.append(id, {-project(id, spot.k - 1), 0.0});
   }
   refine_.order();
@@ -139,7 +139,7 @@ void Adapter::spend() {
   split_.clear();  // its queue is done
   const auto affordable = [this](uint32_t id) {
     const int k = spot_[id].k;
-    return k >= 0 && k < node(id).most && spot_[id].rho > frame_.target && spot_[id].visible &&
+    return k >= 0 && k < spot_[id].most && spot_[id].rho > frame_.target && spot_[id].visible &&
            triangles_ + triangles(id, k + 1) - triangles(id, k) <= frame_.triangles;
   };
   for (const uint32_t id : cut_) {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Drawing: a frame is one multi-draw-indirect over its visible nodes. Grids are shared (grids.h); per-node
-// data are instanced attributes, found by base instance. Heights lie in one buffer, tile by tile (tiles.h),
-// and stay there: it is both the vertex buffer and, for vertices that stitching moves, a storage buffer. A
-// map of the strides drawn, a byte a block, tells each edge what lies beside it.
+// data are instanced attributes, found by base instance. Heights lie in one buffer, tile by tile
+// (tile_memory.h; several where the device cannot show shaders as much at once, with a call for each): it is
+// both the vertex buffer and, for vertices that stitching moves, a storage buffer. A map of the strides
+// drawn, a byte a block, tells each edge what lies beside it.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -16,7 +17,7 @@
 #include "methods/multigrain/color_memory.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/session.h"
-#include "methods/multigrain/tiles.h"
+#include "methods/multigrain/tile_memory.h"
 #include "render/field_resources.h"
 
 namespace lodlab::multigrain {
@@ -37,83 +38,13 @@ struct Command {  // DrawElementsIndirectCommand
   uint32_t base_instance;
 };
 
-int64_t bytes_of(int64_t heights) { return heights * static_cast<int64_t>(sizeof(float)); }
+constexpr int64_t kUploadPerFrame = 8 << 20;  // bytes that a streaming frame may move
 
 /// Makes room: never smaller, at least doubled.
 void reserve(gl::Buffer& buffer, size_t bytes) {
   const auto needed = static_cast<int64_t>(bytes);
   if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
 }
-
-/// Heights of a tile on the GPU: whole strips (grids.h).
-int64_t strip_heights(const Tile& tile) { return strips(tile.cols) * tile.rows * kStripPitch; }
-
-/// A tile's heights, row by row, put into strips. What lies past the last strip's end is never drawn.
-std::vector<float> in_strips(const Tile& tile, const std::vector<float>& rows) {
-  std::vector<float> out(static_cast<size_t>(strip_heights(tile)));
-  auto to = out.begin();
-  for (int64_t first = 0; first + 1 < tile.cols; first += kStrip) {
-    const int64_t count = std::min(kStripPitch, tile.cols - first);
-    for (int64_t j = 0; j < tile.rows; ++j, to += kStripPitch) {
-      std::copy_n(rows.begin() + (j * tile.cols + first), count, to);
-    }
-  }
-  return out;
-}
-
-/// Tiles in the order of their first use.
-class TileMemory {
- public:
-  explicit TileMemory(const Forest& forest)
-      : tiles_(forest.layout), offsets_(static_cast<size_t>(tiles_.count()), -1) {
-    GLint64 limit = 0;
-    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &limit);
-    most_ = std::min<int64_t>(limit, bytes_of(INT32_MAX));
-  }
-
-  struct Place {
-    int64_t height;  ///< index of the height at the node's first sample
-    int64_t tile_rows;
-  };
-  /// Of a node drawn with this stride; brings its tile if need be.
-  Place place(const Forest& forest, const Patch& node, int stride_log2, render::Submitted& submitted) {
-    const int64_t id = tiles_.id(stride_log2, node.row, node.col);
-    const Tile tile = tiles_.at(id);
-    int64_t& offset = offsets_[static_cast<size_t>(id)];
-    if (offset < 0) offset = add(in_strips(tile, forest.tile(id)), submitted);
-    const int64_t row = (node.row - tile.row) >> stride_log2, col = (node.col - tile.col) >> stride_log2;
-    return {offset + (col / kStrip * tile.rows + row) * kStripPitch + col % kStrip, tile.rows};
-  }
-  const gl::Buffer& heights() const { return heights_; }
-
- private:
-  int64_t add(const std::vector<float>& heights, render::Submitted& submitted) {
-    const int64_t offset = used_, bytes = bytes_of(static_cast<int64_t>(heights.size()));
-    grow(bytes_of(offset) + bytes);
-    heights_.upload(bytes_of(offset), as_bytes(heights));
-    submitted.upload_bytes += bytes;
-    used_ += static_cast<int64_t>(heights.size());
-    return offset;
-  }
-
-  void grow(int64_t bytes) {
-    if (bytes <= heights_.bytes()) return;
-    if (bytes > most_) {
-      throw Unsupported("multigrain: " + std::to_string(bytes) +
-                        " bytes of heights are above this device's limit of " + std::to_string(most_) +
-                        " in one buffer");
-    }
-    gl::Buffer larger(std::min(std::max(bytes, 2 * heights_.bytes()), most_));
-    glCopyNamedBufferSubData(heights_.id(), larger.id(), 0, 0, static_cast<GLsizeiptr>(bytes_of(used_)));
-    gl::check("glCopyNamedBufferSubData");
-    heights_ = std::move(larger);
-  }
-
-  Tiles tiles_;
-  std::vector<int64_t> offsets_;  ///< -1: not there yet
-  int64_t used_ = 0, most_;       ///< heights; bytes
-  gl::Buffer heights_{0};
-};
 
 }  // namespace
 
@@ -122,10 +53,15 @@ struct MultigrainSession::Gpu {
   struct Batch {
     size_t first, count;
     int64_t triangles;
+    size_t part;  ///< of the heights
+  };
+  struct Pick {
+    const CutNode* node;
+    size_t part;
   };
 
-  Gpu(const Forest& forest, double texels_per_pixel)
-      : field(render::make_field_resources(forest.frame, forest.coverage())), tiles(forest) {
+  Gpu(const Forest& forest, Paging& pages, double texels_per_pixel)
+      : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
     arrays.floats(0, 0, 1, GL_FLOAT, 0);
     arrays.integers(1, 1, 4, GL_INT, 0);
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
@@ -137,10 +73,13 @@ struct MultigrainSession::Gpu {
   void add(const Forest& forest, const CutNode& picked, render::Pass& pass);
   void add(const Forest& forest, const CutNode& picked, const Patch& patch, render::Pass& pass);
   void upload(render::Submitted& submitted);
+  bool bring(uint32_t unit, std::optional<double> worth, render::Submitted& submitted);
+  void submit(const Forest& forest, render::Pass& pass);
   void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
 
   render::SurfaceProgram program{{"vertex", "multigrain/grid.vert"}};
   std::shared_ptr<const render::FieldResources> field;
+  Paging& paging;
   TileMemory tiles;
   Grids grids;
   gl::Buffer indices{0}, instances{0}, commands{0}, strides{0};
@@ -149,6 +88,8 @@ struct MultigrainSession::Gpu {
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
   std::vector<Batch> batches;
+  std::vector<Pick> picks;
+  std::vector<uint32_t> dropped;
   std::optional<ColorMemory> colors;
 };
 
@@ -172,14 +113,16 @@ void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, co
   const int size = patch.size_log2;
   const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
   const int64_t last = patch.row + (int64_t{1} << size);
-  const TileMemory::Place place = tiles.place(forest, patch, stride, pass.submitted);
+  const uint32_t unit = paging.unit(node, static_cast<int>(picked.resolution));
+  const TileMemory::Place place = tiles.place(paging, unit, patch.row, patch.col);
   Shape shape{layout.cells_x(patch.col, size, stride), layout.cells_y(patch.row, size, stride), 0,
               layout.pole_first && patch.row == 0, layout.pole_last && last >= layout.last_row()};
   if (shape.cells_x > kStrip) shape.tile_rows = place.tile_rows;
   const Grids::Range grid = grids.range(shape);
   const int64_t triangles = grid.indices / 3;
-  if (batches.empty() || batches.back().triangles + triangles > pass.batch_triangles()) {
-    batches.push_back({command_data.size(), 0, 0});
+  if (batches.empty() || batches.back().part != place.part ||
+      batches.back().triangles + triangles > pass.batch_triangles()) {
+    batches.push_back({command_data.size(), 0, 0, place.part});
   }
   ++batches.back().count;
   batches.back().triangles += triangles;
@@ -208,7 +151,6 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
     submitted.upload_bytes += indices.bytes();
     arrays.indices(indices);
   }
-  arrays.source(0, tiles.heights(), 0, sizeof(float));
   arrays.source(1, instances, 0, sizeof(Instance));
 }
 
@@ -219,7 +161,8 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
               static_cast<GLint>(layout.last_row()));
   glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
               layout.block_log2(), layout.wraps ? 1 : 0, layout.pole_first + 2 * layout.pole_last);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeights, tiles.heights().id());
+  arrays.source(0, tiles.part(batch.part), 0, sizeof(float));
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeights, tiles.part(batch.part).id());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrides, strides.id());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
@@ -230,29 +173,82 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
   ++pass.submitted.draw_calls;
 }
 
+/// Brings a tile to the GPU, when streaming its parents before it, and uses them. With a worth it comes from
+/// main memory only, and may drive out what is worth less. False: it is not there, or this frame uses all the
+/// memory that there is.
+bool MultigrainSession::Gpu::bring(uint32_t unit, std::optional<double> worth, render::Submitted& submitted) {
+  Residency& residency = paging.residency();
+  paging.touch(unit, worth.value_or(0.0));
+  if (residency.offset(unit) >= 0) return true;
+  if (paging.streams() && unit >= paging.roots() && !bring(paging.parent(unit), worth, submitted))
+    return false;
+  const auto upload = residency.admit(unit, !worth, dropped, worth.value_or(0.0));
+  dropped.clear();
+  if (!upload) return false;
+  tiles.put(*upload, submitted);
+  return true;
+}
+
+/// Draws what was picked, and forgets it.
+void MultigrainSession::Gpu::submit(const Forest& forest, render::Pass& pass) {
+  std::stable_sort(picks.begin(), picks.end(), [](const Pick& a, const Pick& b) { return a.part < b.part; });
+  instance_data.clear();
+  command_data.clear();
+  batches.clear();
+  if (colors) colors->begin_frame();
+  for (const Pick& pick : picks) add(forest, *pick.node, pass);
+  picks.clear();
+  if (command_data.empty()) return;
+  upload(pass.submitted);
+  for (const Batch& batch : batches) draw(forest.layout, batch, pass);
+}
+
+/// A cut that needs more tiles than memory holds is drawn in rounds, in which they take turns. Selection
+/// never leads to one while streaming, but a cut of another session may.
 void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const Forest& forest = *forest_;
-  if (!gpu_) gpu_ = std::make_shared<Gpu>(forest, texels_per_pixel_);
-  Gpu& gpu = *gpu_;
-  gpu.instance_data.clear();
-  gpu.command_data.clear();
-  gpu.batches.clear();
-  if (gpu.colors) gpu.colors->begin_frame();
-  gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
-  for (const CutNode& picked : cut.nodes) {
-    forest.mark(forest.node[picked.node], static_cast<int>(picked.resolution), gpu.map);
-    if (picked.visible || pass.everything()) gpu.add(forest, picked, pass);
+  if (!gpu_) {
+    gpu_ = std::make_shared<Gpu>(forest, *paging_, texels_per_pixel_);
+    for (uint32_t i = 0; paging_->streams() && i < paging_->roots(); ++i)
+      gpu_->bring(i, std::nullopt, pass.submitted);
   }
-  if (gpu.command_data.empty()) return;
-  gpu.upload(pass.submitted);
-  for (const Gpu::Batch& batch : gpu.batches) gpu.draw(forest.layout, batch, pass);
+  Gpu& gpu = *gpu_;
+  gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
+  for (const CutNode& picked : cut.nodes)
+    forest.mark(forest.node[picked.node], static_cast<int>(picked.resolution), gpu.map);
+  for (const CutNode& picked : cut.nodes) {
+    if (!picked.visible && !pass.everything()) continue;
+    const uint32_t unit = paging_->unit(forest.node[picked.node], static_cast<int>(picked.resolution));
+    if (!gpu.bring(unit, std::nullopt, pass.submitted)) {
+      gpu.submit(forest, pass);
+      paging_->residency().next_frame();
+      if (!gpu.bring(unit, std::nullopt, pass.submitted))
+        throw Unsupported("multigrain: gpu_cache_mb cannot hold a single tile of this cut");
+    }
+    gpu.picks.push_back({&picked, gpu.tiles.place(*paging_, unit, 0, 0).part});
+  }
+  gpu.submit(forest, pass);
+  if (paging_->streams()) admit_wanted(pass.submitted);
 }
+
+/// What arrived meanwhile becomes resident for the next frame.
+void MultigrainSession::admit_wanted(render::Submitted& submitted) {
+  const Residency& residency = paging_->residency();
+  const int64_t before = submitted.upload_bytes;
+  for (const Residency::Want& want : residency.wanted()) {
+    if (submitted.upload_bytes - before >= kUploadPerFrame) break;
+    if (residency.resident(want.unit) || !residency.resident(paging_->parent(want.unit))) continue;
+    gpu_->bring(want.unit, want.priority, submitted);
+  }
+}
+
+void MultigrainSession::settle() { paging_->residency().settle(); }
 
 int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
-  int64_t sum = gpu.field->bytes() + gpu.tiles.heights().bytes();
+  int64_t sum = gpu.field->bytes() + gpu.tiles.bytes();
   if (gpu.colors) sum += gpu.colors->bytes();
   for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
     sum += b->bytes();

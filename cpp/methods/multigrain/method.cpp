@@ -74,6 +74,17 @@ std::vector<OptionSpec> option_table() {
        {},
        0.125,
        8.0},
+      {"stream", true, kDraw, "", "Load heights while flying; false loads what a frame draws before it.", {}},
+      {"cpu_cache_mb", int64_t{256}, kDraw, "MiB", "Decoded heights kept in main memory.", {}, 1, 1 << 20},
+      {"gpu_cache_mb",
+       int64_t{1024},
+       kDraw,
+       "MiB",
+       "Heights kept on the GPU, with the grids.",
+       {},
+       1,
+       1 << 20},
+      {"fetch_delay_ms", int64_t{0}, kDraw, "ms", "Delay of every read, to test slow storage.", {}, 0, 60000},
   };
 }
 
@@ -116,7 +127,8 @@ MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const
       projection_(projection_of(options)),
       adapt_(adapt_of(options)),
       texels_per_pixel_(options.real("texels_per_pixel")),
-      adaptation_(std::make_unique<Adaptation>(*forest_, projection_)) {}
+      paging_(std::make_unique<Paging>(forest_, options)),
+      adaptation_(std::make_unique<Adaptation>(*forest_, projection_, paging_.get())) {}
 
 MultigrainSession::~MultigrainSession() = default;
 

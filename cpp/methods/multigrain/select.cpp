@@ -47,6 +47,7 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
   }
   const size_t queues = moves_.size();
   draw_it();
+  if (paging_ != nullptr) page();
   write(budget, cut);
   undo(queues);
 }
@@ -57,6 +58,7 @@ Cut MultigrainSession::select(const View& view, const Budget& budget) {
   cut.view = view;
   cut.options = options_json_;
   cut.promises_bound = projection_ != Projection::kPaper && forest_->store->meta("bounds") != "bilinear";
+  paging_->residency().next_frame();
   adaptation_->select(adapt_, camera, budget, cut);
   return cut;
 }

@@ -11,6 +11,8 @@
 
 namespace lodlab::multigrain {
 
+class Paging;
+
 enum class Adapt { kAuto, kTopDown, kDual, kQuad };
 
 class MultigrainSession : public Session {
@@ -24,16 +26,20 @@ class MultigrainSession : public Session {
   void draw(const Cut& cut, render::Pass& pass) override;
   void reset() override;
   int64_t resident_bytes() const override;
+  void settle() override;
 
  private:
+  void admit_wanted(render::Submitted& submitted);
+
   std::shared_ptr<const Forest> forest_;
   std::string options_json_;
   Projection projection_;
   Adapt adapt_;
   double texels_per_pixel_;
+  std::unique_ptr<Paging> paging_;
   struct Adaptation;  // select.cpp: what the next frame starts from, and scratch memory
   std::unique_ptr<Adaptation> adaptation_;
-  struct Gpu;  // draw.cpp: GL objects
+  struct Gpu;                 // draw.cpp: GL objects
   std::shared_ptr<Gpu> gpu_;  // knows how to delete what only draw.cpp knows
 };
 

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+// Streaming: what the cut draws from is used in this frame, what it would draw from is asked for, and nodes
+// that stand in are marked. Everything else in adaptation knows only that a node's finest resolution is the
+// finest one whose heights are there.
+#include "methods/multigrain/adapt.h"
+
+namespace lodlab::multigrain {
+
+/// A node above the target asks for all up to its first resolution within it; the quad-queue, which refines
+/// step by step as triangles allow, for the next one.
+int Adapter::finest_wanted(uint32_t id) const {
+  const Node& n = node(id);
+  int k = spot_[id].k;
+  if (local_) return std::min<int>(k + 1, n.most);
+  const double error = allowed(id, frame_.target);
+  while (k < n.most && forest_.at(n, k).error > error) ++k;
+  return k;
+}
+
+/// A node is missing heights when its error is above the target; under a budget of triangles, above what the
+/// nodes have come to that could be refined, but for the triangles.
+void Adapter::page() {
+  double level = frame_.target;
+  for (const uint32_t id : cut_) {
+    if (local_ && spot_[id].k < spot_[id].most) level = std::max(level, spot_[id].rho);
+  }
+  // Somewhat smaller errors are the next in turn.
+  const double asked = local_ ? std::max(frame_.target, 0.5 * level) : frame_.target;
+  for (const uint32_t id : cut_) {
+    Spot& spot = spot_[id];
+    const Node& n = node(id);
+    const bool worthy = spot.visible && spot.k > n.least;
+    paging_->touch(paging_->unit(n, spot.k), worthy ? project(id, spot.k - 1) : 0.0);
+    if (!spot.visible || spot.rho <= asked || !frame_.fits) continue;
+    const int finest = finest_wanted(id);
+    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), project(id, k - 1));
+    if (starved(id) && spot.rho > level) spot.missing_in = frames_;
+  }
+  for (const Held& held : held_) {
+    const Spot& neighbour = spot_[held.neighbour];
+    if (spot_[held.node].k < 0 || neighbour.k < 0 || !starved(held.neighbour)) continue;
+    paging_->need(paging_->unit(node(held.neighbour), neighbour.k + 1), held.rho);
+    spot_[held.node].missing_in = frames_;
+  }
+  held_.clear();
+  paging_->ask();
+}
+
+}  // namespace lodlab::multigrain

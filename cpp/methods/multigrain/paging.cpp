@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include "methods/multigrain/paging.h"
+
+#include <algorithm>
+#include <set>
+
+#include "base/errors.h"
+#include "method/sample_code.h"
+#include "methods/multigrain/grids.h"
+#include "methods/multigrain/multigrain.h"
+
+namespace lodlab::multigrain {
+namespace {
+
+/// Heights of a tile on the GPU: whole strips (grids.h).
+int64_t strip_bytes(const Tile& tile) {
+  return strips(tile.cols) * tile.rows * kStripPitch * static_cast<int64_t>(sizeof(float));
+}
+
+/// A tile's heights, row by row, put into strips. What lies past the last strip's end is never drawn.
+Bytes in_strips(const Tile& tile, const std::vector<float>& rows) {
+  std::vector<float> out(static_cast<size_t>(strip_bytes(tile)) / sizeof(float));
+  auto to = out.begin();
+  for (int64_t first = 0; first + 1 < tile.cols; first += kStrip) {
+    const int64_t count = std::min(kStripPitch, tile.cols - first);
+    for (int64_t j = 0; j < tile.rows; ++j, to += kStripPitch) {
+      std::copy_n(rows.begin() + (j * tile.cols + first), count, to);
+    }
+  }
+  const auto bytes = as_bytes(out);
+  return Bytes(bytes.begin(), bytes.end());
+}
+
+/// Places at which nodes of a level begin along one axis, one for each kind of grid that can occur there: at
+/// either end, between, and where the last tile begins.
+std::vector<int64_t> kinds_of_place(int64_t last, int size_log2, int tile_log2) {
+  const auto begin = [&](int64_t at, int log2) { return at >> log2 << log2; };
+  const int64_t size = int64_t{1} << size_log2;
+  std::vector<int64_t> places{0, size, begin(begin(last - 1, tile_log2), size_log2),
+                              begin(last - 1, size_log2)};
+  std::erase_if(places, [&](int64_t at) { return at >= last; });
+  return places;
+}
+
+/// The most that grids, instances and the map of strides can take on the GPU, and what the field does.
+int64_t bytes_beside_heights(const Forest& forest, const Tiles& tiles) {
+  const Layout& layout = forest.layout;
+  std::set<Shape> shapes;
+  int64_t indices = 0;
+  for (int level = 0; level < layout.levels; ++level) {
+    const int size = layout.node_log2(level);
+    for (int k = layout.least_resolution(level); k <= layout.most_resolution(level); ++k) {
+      const int a = layout.stride_log2(level, k), tile_log2 = a + tiles.side_log2();
+      for (const int64_t row : kinds_of_place(layout.last_row(), size, tile_log2)) {
+        for (const int64_t col : kinds_of_place(layout.last_col(), size, tile_log2)) {
+          const bool first = layout.pole_first && row == 0;
+          const bool last = layout.pole_last && row + (int64_t{1} << size) >= layout.last_row();
+          const int64_t x = layout.cells_x(col, size, a), y = layout.cells_y(row, size, a);
+          const int64_t rows = x > kStrip ? tiles.at(tiles.id(a, row, col)).rows : 0;
+          if (shapes.insert({x, y, rows, first, last}).second) indices += 3 * x * (2 * y - first - last);
+        }
+      }
+    }
+  }
+  constexpr int64_t kPerNode = 2 * 44;  // instance and command; buffers may double
+  const FieldFrame& frame = forest.frame;
+  const int64_t tables = frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0;
+  const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
+  return 4 * indices + kPerNode * static_cast<int64_t>(forest.node.size()) + tables +
+         (forest.coverage().empty() ? 0 : mask) + layout.blocks_x() * layout.blocks_y() + 3;
+}
+
+Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Options& options) {
+  const Tiles tiles(forest->layout);
+  const Layout& layout = forest->layout;
+  Residency::Setup setup;
+  int64_t slot = 0;
+  for (int64_t id = 0; id < tiles.count(); ++id) slot = std::max(slot, strip_bytes(tiles.at(id)));
+  for (int64_t id = tiles.count(); id-- > 0;) setup.units.push_back({id, slot});
+  const int path = std::max(layout.block_log2() - 1, 0);  // log2 of the finest stride that is locked
+  setup.roots = static_cast<uint32_t>(tiles.count() - tiles.id(path, 0, 0));
+  setup.kind = kHeights;
+  setup.stream = options.flag("stream");
+  setup.cpu_bytes = options.integer("cpu_cache_mb") << 20;
+  setup.fetch_delay = std::chrono::milliseconds(options.integer("fetch_delay_ms"));
+  setup.decode = [tiles](int, int64_t id, Bytes stored) {
+    const Tile tile = tiles.at(id);
+    std::vector<float> heights(static_cast<size_t>(tile.samples()));
+    decode_samples(stored, heights.data(), static_cast<int64_t>(heights.size()));
+    return in_strips(tile, heights);
+  };
+  const auto refuse = [](const std::string& what, const char* option, int64_t least, int64_t given) {
+    throw InvalidInput("multigrain: " + what + " need " + option + " of at least " +
+                       std::to_string((least + (1 << 20) - 1) >> 20) + ", not " +
+                       std::to_string(given >> 20));
+  };
+  const int64_t gpu_bytes = options.integer("gpu_cache_mb") << 20;
+  const int64_t beside = bytes_beside_heights(*forest, tiles), least = (setup.roots + path) * slot;
+  if (beside + least > gpu_bytes)
+    refuse("the coarsest heights, a path to the finest, and the grids", "gpu_cache_mb", beside + least,
+           gpu_bytes);
+  const int64_t roots = std::max<int64_t>(setup.roots, 1) * slot;
+  if (roots > setup.cpu_bytes) refuse("the coarsest heights", "cpu_cache_mb", roots, setup.cpu_bytes);
+  setup.capacity = std::min(tiles.count(), (gpu_bytes - beside) / slot) * slot;
+  return setup;
+}
+
+}  // namespace
+
+Paging::Paging(const std::shared_ptr<const Forest>& forest, const Options& options)
+    : Paging(forest, setup_of(forest, options)) {}
+
+Paging::Paging(const std::shared_ptr<const Forest>& forest, Residency::Setup setup)
+    : forest_(forest),
+      tiles_(forest->layout),
+      slot_bytes_(setup.units[0].bytes),
+      roots_(setup.roots),
+      parent_(setup.units.size()),
+      residency_(forest->store, std::move(setup)) {
+  for (uint32_t i = roots_; i < parent_.size(); ++i) {
+    const Tile fine = tile(i);
+    parent_[i] = unit_of(tiles_.id(fine.stride_log2 + 1, fine.row, fine.col));
+  }
+}
+
+/// Nodes share tiles: each is asked for once, as urgently as any of them needs it.
+void Paging::ask() {
+  std::sort(wants_.begin(), wants_.end(), [](const Residency::Want& a, const Residency::Want& b) {
+    return a.unit != b.unit ? a.unit < b.unit : a.priority > b.priority;
+  });
+  const auto same = [](const Residency::Want& a, const Residency::Want& b) { return a.unit == b.unit; };
+  wants_.erase(std::unique(wants_.begin(), wants_.end(), same), wants_.end());
+  residency_.want(std::move(wants_));
+  wants_.clear();
+}
+
+}  // namespace lodlab::multigrain
