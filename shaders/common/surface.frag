@@ -14,6 +14,9 @@
 #if LODLAB_SHOW != SHOW_LINE
 in vec3 v_position;
 #endif
+#ifdef LODLAB_PLANET
+in float v_height;
+#endif
 #if LODLAB_SHOW == SHOW_LEVEL || LODLAB_SHOW == SHOW_FILL
 flat in uint v_bits;
 #endif
@@ -75,9 +78,11 @@ float hillshade(vec3 normal) {
   return 0.28 + 0.72 * 1.41421356 * max(dot(normal, sun), 0.0);
 }
 
+/// Of the surface above its datum, as its vertices have it: a coarse triangle of a planet sags below the sphere
+/// by kilometres and less than a pixel, and would be coloured as sea.
 float height() {
 #ifdef LODLAB_PLANET
-  return length(v_position + camera.eye_world.xyz) - camera.eye_world.w;
+  return v_height;
 #else
   return v_position.z + camera.eye_world.z;
 #endif

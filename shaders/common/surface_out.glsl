@@ -9,6 +9,9 @@ out vec3 v_position;    // relative to the eye
 out vec2 v_grid;        // (column, row) relative to the eye cell
 flat out uint v_node;
 flat out uint v_bits;   // level << 1 | filler
+#ifdef LODLAB_PLANET
+out float v_height;     // above the sphere, at the vertex: between vertices a triangle sags
+#endif
 #ifdef LODLAB_ATTRIBUTE
 out vec3 v_attribute;   // u, v, layer: the method sets it beside emit_surface()
 #endif
@@ -16,6 +19,11 @@ out vec3 v_attribute;   // u, v, layer: the method sets it beside emit_surface()
 void emit_surface(vec3 relative, vec2 grid, uint node, uint level, bool filler) {
   gl_Position = clip_position(relative);
   v_position = relative;
+#ifdef LODLAB_PLANET
+  precise vec3 from_centre = relative + camera.eye_world.xyz;
+  precise float squared = dot(from_centre, from_centre);
+  v_height = sqrt(squared) - camera.eye_world.w;
+#endif
   v_grid = grid;
   v_node = node;
   v_bits = level << 1 | uint(filler);

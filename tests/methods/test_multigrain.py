@@ -53,7 +53,12 @@ def test_random_cuts_have_no_crack_and_keep_their_bounds(lab) -> None:
 
 @pytest.mark.parametrize(
     "budget",
-    [{"pixel_error": 1.0}, {"pixel_error": 2.0, "nodes": 40}, {"triangles": 30_000}, {"triangles": 30_000, "nodes": 60}],
+    [
+        {"pixel_error": 1.0},
+        {"pixel_error": 2.0, "nodes": 40},
+        {"triangles": 30_000},
+        {"triangles": 30_000, "nodes": 60},
+    ],
 )
 def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]) -> None:
     field, store, instrument = lab
@@ -67,3 +72,17 @@ def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]
         assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
         if cut.budget_met:
             assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
+
+
+def test_coarse_triangles_of_a_planet_keep_the_colours_of_their_heights(tmp_path) -> None:
+    heights = np.full((65, 128), 100.0, np.float32)
+    heights[1, 1] = -4000.0  # somewhere there is sea; no coarse grid has this sample
+    field = lod.HeightField(heights, planet=True)
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False)
+    roots = store.nodes[store.nodes["parent"] < 0]
+    coarse = [min(roots["resolution"][roots["id"] == root]) for root in np.unique(roots["id"])]
+    view = lod.View((3.0 * field.radius, 0.0, 0.0), (0.0, 0.0, 0.0), size=(160, 160))
+    frame = store.draw(store.cut(np.unique(roots["id"]), coarse), view)
+    drawn = frame.image[np.isfinite(frame.depth)].astype(int)
+    # Between their vertices triangles lie kilometres below the sphere; sea is bluer than red, land is not.
+    assert len(drawn) > 1000 and (drawn[:, 0] >= drawn[:, 2]).all()
