@@ -41,6 +41,17 @@ render::DrawCall draw_call(const Parts& parts) {
   };
 }
 
+/// What the method says that its hierarchy could reach at best where this cut was selected; empty for a cut
+/// by hand, and for one that breaks a hard budget.
+std::function<double()> optimum_of(const Part& part) {
+  const PyCut& selected = *part.second;
+  const Cut& cut = selected.cut;
+  if (!selected.budget || cut.triangles > selected.budget->triangles.value_or(cut.triangles) ||
+      cut.visible_nodes > selected.budget->nodes.value_or(cut.visible_nodes))
+    return {};
+  return [part] { return part.first->selecting().optimum_px(part.second->cut.view, *part.second->budget); };
+}
+
 class PyInstrument {
  public:
   PyInstrument(std::shared_ptr<HeightField> field, std::shared_ptr<PySession> reference)
@@ -78,7 +89,10 @@ class PyInstrument {
     std::set<std::string> names;
     for (const Part& part : parts) names.insert(part.first->store().method->info().name);
     for (const std::string& name : names) subject.drawn_by += (subject.drawn_by.empty() ? "" : ", ") + name;
-    if (parts.size() == 1) subject.predicted_px = parts[0].second->cut.predicted_px;
+    if (parts.size() == 1) {
+      subject.predicted_px = parts[0].second->cut.predicted_px;
+      subject.optimum_px = optimum_of(parts[0]);
+    }
     subject.reference = std::move(reference);
     subject.pictures = pictures;
     Measurement measurement(instrument_, resources(), std::move(subject));
@@ -208,6 +222,7 @@ void bind_measurement(py::module_& m) {
   column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
   column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
   column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
+  column("optimum_gap", &Measurement::optimum_gap, "predicted_px over the optimum of the hierarchy, less 1.");
   column("slanted_filler_triangles", &Measurement::slanted_filler_triangles,
          "Fillers that are not vertical.");
   column("raised_filler_triangles", &Measurement::raised_filler_triangles,

@@ -78,7 +78,14 @@ Frame frame_of(render::Picture picture) {
 std::shared_ptr<PyCut> select(const PySession& self, const View& view, const Budget& budget) {
   const py::gil_scoped_release release;
   check_budget(self.store().method->info(), budget);
-  return std::make_shared<PyCut>(PyCut{self.selecting().select(view, budget), self.store().hierarchy});
+  return std::make_shared<PyCut>(
+      PyCut{self.selecting().select(view, budget), self.store().hierarchy, budget});
+}
+
+double optimum_px(const PySession& self, const View& view, const Budget& budget) {
+  const py::gil_scoped_release release;
+  check_budget(self.store().method->info(), budget);
+  return self.selecting().optimum_px(view, budget);
 }
 
 std::shared_ptr<PyCut> cut_by_hand(const PySession& self, const std::vector<int64_t>& nodes,
@@ -146,6 +153,7 @@ py::dict cost_columns(const FrameCost& cost, const Cut& cut) {
   out["upload_bytes"] = submitted.upload_bytes;
   out["resident_bytes"] = cost.resident_bytes;
   out["page_misses"] = cut.missing_nodes;
+  out["adapt_steps"] = cut.adapt_steps;
   return out;
 }
 
@@ -159,7 +167,7 @@ py::tuple time_frame(PySession& self, const View& view, const Budget& budget, bo
     const auto show = discard ? render::Show::kNone : render::Show::kShade;
     Session& session = self.drawing();
     const Clock::time_point start = Clock::now();
-    *cut = {session.select(view, budget), self.store().hierarchy};
+    *cut = {session.select(view, budget), self.store().hierarchy, budget};
     cost.select_ms = milliseconds(Clock::now() - start);
     cost.timing = render::time_draw(camera, show, self.draw_call(*cut));
     cost.frame_ms = milliseconds(Clock::now() - start);
@@ -212,6 +220,9 @@ void bind_cut(py::module_& m) {
       .def_property_readonly(
           "predicted_px", [](const PyCut& c) { return c.cut.predicted_px; },
           "Largest projected error bound among the visible nodes, pixels.")
+      .def_property_readonly(
+          "adapt_steps", [](const PyCut& c) { return c.cut.adapt_steps; },
+          "Moves that adaptation made or tried; 0 where the method has none.")
       .def_property_readonly("promises_bound", [](const PyCut& c) { return c.cut.promises_bound; })
       .def_property_readonly("budget_met", [](const PyCut& c) { return c.cut.budget_met; })
       .def_property_readonly(
@@ -284,6 +295,9 @@ void bind_session_class(py::module_& m) {
       "Owns GL objects, caches and the adaptation state of one store; one thread's once it has drawn.")
       .def_property_readonly("options", [](const PySession& s) { return options_to_dict(s.options()); })
       .def("select", &select, view, py::arg("budget") = Budget(), "Picks the cut for a view under a budget.")
+      .def("optimum_px", &optimum_px, view, py::arg("budget") = Budget(),
+           "The smallest largest projected error, pixels, that any cut reaches within the hard budgets, no "
+           "smaller than the pixel error; nan: no cut keeps them, or the method does not know. May take long.")
       .def("cut", &cut_by_hand, py::arg("nodes"), py::arg("resolutions") = py::none(),
            "A cut by hand: nodes that cover the source once. InvalidInput names the first gap or overlap.")
       .def("audit_cuts", &audit_cuts,

@@ -19,10 +19,11 @@
 
 namespace lodlab {
 
-/// A cut remembers the store that it was selected from: node numbers mean nothing to another.
+/// A cut remembers the store that it was selected from: node numbers mean nothing to another; and the budget.
 struct PyCut {
   Cut cut;
   std::shared_ptr<const Hierarchy> hierarchy;
+  std::optional<Budget> budget = std::nullopt;  ///< none: by hand
 };
 
 /// A session; it belongs to the thread that first drew with it.

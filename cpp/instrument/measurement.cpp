@@ -70,6 +70,12 @@ const render::Picture& Measurement::drawn() {
               [&] { return render::draw_picture(subject_.camera, render::Show::kShade, subject_.draw); });
 }
 
+double Measurement::optimum_gap() {
+  if (!subject_.optimum_px) return kUndefined;
+  const double optimum = subject_.optimum_px();
+  return subject_.predicted_px == optimum ? 0.0 : subject_.predicted_px / optimum - 1.0;
+}
+
 // Figures over samples --------------------------------------------------------------------------------------
 
 const SampleError& Measurement::samples() {

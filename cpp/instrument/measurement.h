@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,6 +31,7 @@ struct Subject {
   render::DrawCall draw_before;  ///< the cut of the frame before; may be empty
   std::string drawn_by;          ///< for messages
   double predicted_px = kUndefined;
+  std::function<double()> optimum_px;          ///< the least that it could be; may take long; may be empty
   std::shared_ptr<const Reference> reference;  ///< null: the columns that compare with it are nan
   bool pictures = true;                        ///< false: no picture is drawn; geometric columns only
 };
@@ -43,6 +45,7 @@ class Measurement {
               std::shared_ptr<const render::FieldResources> resources, Subject subject);
 
   double predicted_px() const { return subject_.predicted_px; }
+  double optimum_gap();
   double measured_px_max();
   double measured_px_p99() { return pixels().p99; }
   double measured_px_rms() { return pixels().rms; }

@@ -92,6 +92,7 @@ def _core(name: str, unit: str, text: str, smaller_is_worse: bool = False) -> Me
 
 _SEES_NOTHING = "nan when the view sees nothing"
 _COMPARES = "against the full-resolution reference; nan without one"
+_NO_OPTIMUM = "nan where the method knows no optimum or a hard budget is broken, below 0 within a pixel error"
 METRICS: tuple[Metric, ...] = (
     _core("predicted_px", "px", "The method's claim: the largest projected bound among visible nodes."),
     _core("measured_px_max", "px", f"Largest screen error over source samples in the frustum; {_SEES_NOTHING}."),
@@ -114,6 +115,7 @@ METRICS: tuple[Metric, ...] = (
     _core("pop_area", "1", "Share of pixels that jump more than one pixel; nan in a first frame."),
     _core("inverted_triangles", "count", "Surface triangles that turn their inside to the outside."),
     _core("slanted_filler_triangles", "count", "Fillers that are not vertical, and so could pass for surface."),
+    _core("optimum_gap", "1", f"predicted_px / what its hierarchy's best cut would have - 1; {_NO_OPTIMUM}."),
     _core("raised_filler_triangles", "count", "Fillers that rise above the drawn surface, and so could hide it."),
     _core("drawn_triangles", "count", "Triangles that the GPU counted in the picture; nan without one."),
 )  # fmt: skip

@@ -65,6 +65,7 @@ COST_COLUMNS = (
     "upload_bytes",
     "resident_bytes",
     "page_misses",
+    "adapt_steps",
 )
 TIME_COLUMNS = ("select_ms", "gpu_ms", "frame_ms")
 ACCURACY_COLUMNS = tuple(metric.name for metric in METRICS)

@@ -127,6 +127,9 @@ class Adapter {
   bool swap_for(uint32_t id);
   void spend();
 
+  // The optimum: adapt_exact.cpp
+  void select_exact();
+
   // What is drawn: adapt_drawn.cpp
   void draw_it();
   void own_blocks(uint32_t id);

@@ -12,6 +12,7 @@ namespace {
 constexpr double kInside = 1.0 - 1e-12;
 
 Adapt serving(Adapt adapt, const Budget& budget) {
+  if (adapt == Adapt::kExact) return adapt;
   if (adapt == Adapt::kAuto) return budget.triangles ? Adapt::kQuad : Adapt::kTopDown;
   if (adapt == Adapt::kQuad && !budget.triangles)
     throw Unsupported("select: adapt=quad spends a budget of triangles, and none is set");
@@ -34,9 +35,11 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
   if (budget.triangles) frame_.triangles = *budget.triangles;
   if (budget.nodes) frame_.nodes = *budget.nodes;
   steps_ = 0;
-  local_ = adapt == Adapt::kQuad;
-  frame_.fits = roots_fit();
-  if (!frame_.fits) {
+  local_ = budget.triangles.has_value();
+  frame_.fits = adapt == Adapt::kExact || roots_fit();
+  if (adapt == Adapt::kExact) {
+    select_exact();
+  } else if (!frame_.fits) {
     start_at_roots();
   } else if (adapt == Adapt::kQuad) {
     select_quad();

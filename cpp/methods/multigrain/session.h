@@ -13,7 +13,7 @@ namespace lodlab::multigrain {
 
 class Paging;
 
-enum class Adapt { kAuto, kTopDown, kDual, kQuad };
+enum class Adapt { kAuto, kTopDown, kDual, kQuad, kExact };
 
 class MultigrainSession : public Session {
  public:
@@ -21,6 +21,7 @@ class MultigrainSession : public Session {
   ~MultigrainSession() override;
 
   Cut select(const View& view, const Budget& budget) override;
+  double optimum_px(const View& view, const Budget& budget) const override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;

@@ -111,8 +111,8 @@ class _Bench:
         session = self._session(drawn)
         if drawn.nodes is not None:
             return session, session.cut(list(drawn.nodes))
-        budgets = {budget for budget in ("pixel_error",) if drawn.method != "full"}
-        return session, session.select(view, _core.Budget(**dict.fromkeys(budgets, ANYTHING)))
+        anything = {} if drawn.method == "full" else {"pixel_error": ANYTHING}
+        return session, session.select(view, _core.Budget(**(drawn.budget or anything)))
 
     def _session(self, drawn: Drawn) -> Any:
         key = (drawn.field.hash(), drawn.method, tuple(sorted(drawn.build.items())))

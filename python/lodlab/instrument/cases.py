@@ -34,7 +34,7 @@ K = focal()  # 128
 class Drawn:
     """One store that is drawn: its field, method, options, and which of its cuts.
 
-    `nodes`: the cut by hand; None: what `select` picks when every error is allowed.
+    `nodes`: the cut by hand; None: what `select` picks under `budget`; empty: when every error is allowed.
     """
 
     field: HeightField
@@ -42,6 +42,7 @@ class Drawn:
     build: Mapping[str, Any] = field(default_factory=dict)
     draw: Mapping[str, Any] = field(default_factory=dict)
     nodes: tuple[int, ...] | None = None
+    budget: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

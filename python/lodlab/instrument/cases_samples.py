@@ -323,6 +323,24 @@ def _predictions() -> list[Case]:
     ]
 
 
+def _optimum() -> Case:
+    """Two charts of 4 x 4 cells behind one another, the far one (y > 0) drawn at stride 2, the near one at stride 1.
+
+    The near chart has a spike of 4 m that stride 2 leaves out. Both share a sample of 1 m at (-8, 0), which stride 2
+    leaves out, too. 8 + 32 triangles are within the budget, 32 + 32 are not. So the best cut has an error of 1 m in
+    the far chart, 64 m away. As drawn, the near chart's edge is stitched to the far one's: 1 m as well, 32 m away.
+    """
+
+    def z(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return spike((-8.0, 0.0), 1.0)(x, y) + spike((-8.0, -8.0), 4.0)(x, y)
+
+    source = sheet((-16.0, 16.0), (-32.0, 32.0), (9, 5), z)
+    options = {"chart": 4, "levels": 1}
+    drawn = Drawn(source, "multigrain", options, {"adapt": "exact", "projection": "paper"}, budget={"triangles": 48})
+    values = {"predicted_px": K * 1.0 / 32.0, "optimum_gap": 64.0 / 32.0 - 1.0, "measured_max": 1.0}
+    return Case("stitched beyond the optimum", source, (drawn,), level((0.0, -64.0, 0.5)), values)
+
+
 def sample_cases() -> list[Case]:
     return [
         *_level_bumps(),
@@ -338,4 +356,5 @@ def sample_cases() -> list[Case]:
         *_layers(),
         *_holes(),
         *_predictions(),
+        _optimum(),
     ]

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+// The optimum's cut (exact.h), drawn like any other: stitching may cost it more than the optimum's error.
+#include <algorithm>
+
+#include "methods/multigrain/adapt.h"
+#include "methods/multigrain/exact.h"
+
+namespace lodlab::multigrain {
+
+void Adapter::select_exact() {
+  Exact exact(forest_, projection_, *frame_.camera);
+  const auto error = exact.least_error({frame_.triangles, frame_.nodes}, frame_.target);
+  steps_ = exact.tried();
+  frame_.fits = error.has_value();
+  start_at_roots();
+  if (!error) return;
+  forget();
+  for (const auto& [id, k] : exact.cut(*error, frame_.nodes)) put(id, std::min<int>(k, most(id)));
+}
+
+double MultigrainSession::optimum_px(const View& view, const Budget& budget) const {
+  Exact::Limits limits;
+  limits.triangles = budget.triangles.value_or(limits.triangles);
+  limits.nodes = budget.nodes.value_or(limits.nodes);
+  Exact exact(*forest_, projection_, make_camera(view));
+  return exact.least_error(limits, budget.pixel_error.value_or(0.0))
+      .value_or(std::numeric_limits<double>::quiet_NaN());
+}
+
+}  // namespace lodlab::multigrain
