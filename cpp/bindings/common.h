@@ -11,11 +11,16 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <variant>
 
+#include "geometry/height_rows.h"
 #include "method/method.h"
 #include "store/store.h"
 
 namespace lodlab {
+
+/// A source: in memory, or read by rows.
+using PyField = std::variant<std::shared_ptr<HeightField>, std::shared_ptr<WindowedField>>;
 
 /// An opened store with the method that built it.
 struct PyStore {

@@ -152,30 +152,46 @@ Progress ticking(const std::optional<py::function>& progress) {
 }
 
 std::shared_ptr<WindowedField> survey(const FieldFrame& frame, ReadRows read, const std::string& spec,
-                                      const std::optional<py::function>& progress) {
+                                      const std::optional<py::function>& progress, int64_t at_once) {
+  if (at_once < 1) throw InvalidInput("WindowedField: at_once " + std::to_string(at_once) + " is below 1");
   const py::gil_scoped_release release;
   return std::const_pointer_cast<WindowedField>(
-      make_windowed_field(frame, std::move(read), spec, ticking(progress)));
+      make_windowed_field(frame, std::move(read), spec, ticking(progress), at_once));
 }
 
-/// `read(first_row, rows)` gives (rows, cols) float32, C-contiguous.
+/// What Python's reader gives for some rows: an array of this type and shape, C-contiguous.
+template <class T>
+void copy_rows(const py::handle& given, const char* what, int64_t rows, int64_t cols, T* out) {
+  using Array = py::array_t<T, py::array::c_style>;
+  if (!py::isinstance<Array>(given)) throw InvalidInput(std::string("WindowedField: ") + what);
+  const auto array = py::reinterpret_borrow<Array>(given);
+  if (array.ndim() != 2 || array.shape(0) != rows || array.shape(1) != cols) {
+    throw InvalidInput("WindowedField: " + std::to_string(rows) + " x " + std::to_string(cols) +
+                       " samples were asked for, others were read");
+  }
+  std::copy_n(array.data(), rows * cols, out);
+}
+
+/// `read(first_row, rows)` gives heights (rows, cols) float32 and a mask (rows, cols) uint8, or None.
 std::shared_ptr<WindowedField> windowed(int64_t rows, int64_t cols, const py::function& read,
                                         const std::string& spec, const std::optional<py::function>& progress,
-                                        const py::kwargs& keys) {
+                                        int64_t at_once, const py::kwargs& keys) {
   const auto held = keep(read);
-  const auto from_python = [held, cols](int64_t first, int64_t count, float* out) {
+  const auto from_python = [held, cols](int64_t first, int64_t count, float* heights, uint8_t* valid) {
     const py::gil_scoped_acquire gil;
     const auto& call = *static_cast<const py::object*>(held.get());
     const py::object given = call(first, count);
-    if (!py::isinstance<Floats>(given)) throw InvalidInput("WindowedField: its rows are not float32");
-    const auto array = py::reinterpret_borrow<Floats>(given);
-    if (array.ndim() != 2 || array.shape(0) != count || array.shape(1) != cols) {
-      throw InvalidInput("WindowedField: " + std::to_string(count) + " x " + std::to_string(cols) +
-                         " samples were asked for, others were read");
+    if (!py::isinstance<py::tuple>(given) || py::len(given) != 2)
+      throw InvalidInput("WindowedField: a reader gives heights and a mask");
+    copy_rows(given[py::int_(0)], "its heights are not float32", count, cols, heights);
+    if (valid == nullptr) return;
+    if (given[py::int_(1)].is_none()) {
+      std::fill_n(valid, count * cols, uint8_t{1});
+    } else {
+      copy_rows(given[py::int_(1)], "its mask is not uint8", count, cols, valid);
     }
-    std::copy_n(array.data(), count * cols, out);
   };
-  return survey(frame_of(rows, cols, keys), from_python, spec, progress);
+  return survey(frame_of(rows, cols, keys), from_python, spec, progress, at_once);
 }
 
 /// The generated terrain, its heights times `scale`.
@@ -183,13 +199,14 @@ std::shared_ptr<WindowedField> windowed_fractal(int64_t rows, int64_t cols, uint
                                                 double scale, const std::string& spec,
                                                 const std::optional<py::function>& progress,
                                                 const py::kwargs& keys) {
-  const auto read = [=](int64_t first, int64_t count, float* out) {
+  const auto read = [=](int64_t first, int64_t count, float* out, uint8_t* valid) {
+    if (valid != nullptr) std::fill_n(valid, count * cols, uint8_t{1});
     fractal_heights({seed, roughness}, first, 0, count, cols, out);
     if (scale == 1.0) return;
     for (int64_t i = 0; i < count * cols; ++i)
       out[i] = static_cast<float>(static_cast<double>(out[i]) * scale);
   };
-  return survey(frame_of(rows, cols, keys), read, spec, progress);
+  return survey(frame_of(rows, cols, keys), read, spec, progress, kSamplesAtOnce);
 }
 
 void fill(Floats heights, const std::optional<Mask>& valid) {
@@ -227,9 +244,11 @@ void bind_frame(py::class_<Field, std::shared_ptr<Field>>& type) {
 void bind_windowed(py::module_& module) {
   py::class_<WindowedField, std::shared_ptr<WindowedField>> type(
       module, "WindowedField", "A grid of heights larger than memory, read by bands of rows.");
+  type.def_readonly("voids", &WindowedField::voids, "Samples that are not real.");
   type.def(py::init(&windowed), py::arg("rows"), py::arg("cols"), py::arg("read"), py::kw_only(),
-           py::arg("spec") = "", py::arg("progress") = py::none(),
-           "Reads everything once. `read(first_row, rows)` gives (rows, cols) float32. `progress(stage, "
+           py::arg("spec") = "", py::arg("progress") = py::none(), py::arg("at_once") = kSamplesAtOnce,
+           "Reads everything once, in bands of about `at_once` samples. `read(first_row, rows)` gives (rows, "
+           "cols) float32, voids filled, and (rows, cols) uint8, 0 in voids, or None. `progress(stage, "
            "share)`. Further keywords as HeightField's.")
       .def_static("fractal", &windowed_fractal, py::arg("rows"), py::arg("cols"), py::arg("seed"),
                   py::arg("roughness"), py::arg("scale"), py::kw_only(), py::arg("spec") = "",

@@ -54,11 +54,16 @@ std::function<double()> optimum_of(const Part& part) {
 
 class PyInstrument {
  public:
-  PyInstrument(std::shared_ptr<HeightField> field, std::shared_ptr<PySession> reference)
-      : field_(std::move(field)),
-        instrument_(std::make_shared<Instrument>(field_)),
-        hash_(field_->hash()),
-        full_(std::move(reference)) {
+  PyInstrument(const PyField& field, std::shared_ptr<PySession> reference) : full_(std::move(reference)) {
+    if (const auto* whole = std::get_if<std::shared_ptr<HeightField>>(&field)) {
+      instrument_ = std::make_shared<Instrument>(std::shared_ptr<const HeightField>(*whole));
+      hash_ = (*whole)->hash();
+    } else {
+      const auto& windowed = std::get<std::shared_ptr<WindowedField>>(field);
+      instrument_ = std::make_shared<Instrument>(std::shared_ptr<const WindowedField>(windowed));
+      hash_ = windowed->hash;
+      coverage_ = windowed->coverage;
+    }
     if (full_ != nullptr) check_source(*full_, "Instrument");
   }
 
@@ -103,13 +108,17 @@ class PyInstrument {
  private:
   std::shared_ptr<const render::FieldResources> resources() {
     gl::ensure_context();
-    if (resources_ == nullptr) resources_ = render::make_field_resources(*field_, coverage_bits(*field_));
+    const HeightField* field = instrument_->field();
+    if (resources_ == nullptr) {
+      resources_ = render::make_field_resources(instrument_->grid().frame(),
+                                                field != nullptr ? coverage_bits(*field) : coverage_);
+    }
     return resources_;
   }
 
-  std::shared_ptr<HeightField> field_;
   std::shared_ptr<Instrument> instrument_;
   std::string hash_;
+  Bytes coverage_;  ///< of a source that is read by rows
   std::shared_ptr<PySession> full_;
   std::shared_ptr<const render::FieldResources> resources_;
 };
@@ -260,7 +269,7 @@ void bind_instrument(py::module_& m) {
       m, "Instrument",
       "Measures drawn cuts of one source against it. `reference`: a session of `full` on the same source; "
       "None when no picture is to be compared. InvalidInput when a store was built from another source.")
-      .def(py::init<std::shared_ptr<HeightField>, std::shared_ptr<PySession>>(), py::arg("field"),
+      .def(py::init<const PyField&, std::shared_ptr<PySession>>(), py::arg("field"),
            py::arg("reference") = py::none())
       .def(
           "reference",

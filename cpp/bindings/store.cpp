@@ -19,7 +19,6 @@
 #include <optional>
 #include <set>
 #include <thread>
-#include <variant>
 
 #include "base/errors.h"
 #include "bindings/common.h"
@@ -212,15 +211,12 @@ class Building {
   std::thread thread_;  // last: it uses all the others
 };
 
-/// What is built from: in memory, or read by rows.
-using Field = std::variant<std::shared_ptr<HeightField>, std::shared_ptr<WindowedField>>;
-
-Source source_of(const Field& field) {
+Source source_of(const PyField& field) {
   if (const auto* whole = std::get_if<0>(&field)) return {*whole};
   return {nullptr, std::get<1>(field)};
 }
 
-std::shared_ptr<PyStore> build(const Field& field, const std::string& method_name,
+std::shared_ptr<PyStore> build(const PyField& field, const std::string& method_name,
                                const std::filesystem::path& path, const py::dict& options,
                                const std::string& mode, const std::optional<py::function>& progress) {
   const Method& method = find_method(method_name);

@@ -26,14 +26,15 @@ void widen(HeightRange& range, const FieldFrame& frame, const float* heights, in
 /// Sets z_min and z_max; refuses a planet whose lowest sample reaches its centre.
 void set_range(FieldFrame& frame, const HeightRange& range);
 
-/// Hash of heights that come piece by piece, in order, then of mask and frame.
+/// Hash of heights and of a mask that come piece by piece, each in order, and of a frame.
 class HeightHash {
  public:
   HeightHash();
   ~HeightHash();
   void add(const float* heights, int64_t count);
-  /// 32 hex digits. `valid`: as many as heights, or null.
-  std::string finish(const FieldFrame& frame, const uint8_t* valid) const;
+  void add_mask(const uint8_t* valid, int64_t count);
+  /// 32 hex digits. `masked`: with the mask, which has voids.
+  std::string finish(const FieldFrame& frame, bool masked) const;
 
  private:
   struct State;

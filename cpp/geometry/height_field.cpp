@@ -213,10 +213,13 @@ void set_range(FieldFrame& frame, const HeightRange& range) {
 }
 
 struct HeightHash::State {
-  XXH3_state_t heights;
+  XXH3_state_t heights, mask;
 };
 
-HeightHash::HeightHash() : state_(std::make_unique<State>()) { XXH3_128bits_reset(&state_->heights); }
+HeightHash::HeightHash() : state_(std::make_unique<State>()) {
+  XXH3_128bits_reset(&state_->heights);
+  XXH3_128bits_reset(&state_->mask);
+}
 
 HeightHash::~HeightHash() = default;
 
@@ -224,9 +227,17 @@ void HeightHash::add(const float* heights, int64_t count) {
   XXH3_128bits_update(&state_->heights, heights, static_cast<size_t>(count) * sizeof(float));
 }
 
-std::string HeightHash::finish(const FieldFrame& frame, const uint8_t* valid) const {
+void HeightHash::add_mask(const uint8_t* valid, int64_t count) {
+  XXH3_128bits_update(&state_->mask, valid, static_cast<size_t>(count));
+}
+
+std::string HeightHash::finish(const FieldFrame& frame, bool masked) const {
   XXH3_state_t state = state_->heights;
-  if (valid != nullptr) XXH3_128bits_update(&state, valid, static_cast<size_t>(frame.rows * frame.cols));
+  if (masked) {
+    const XXH128_hash_t mask = XXH3_128bits_digest(&state_->mask);
+    const uint64_t halves[2] = {mask.low64, mask.high64};
+    XXH3_128bits_update(&state, halves, sizeof halves);
+  }
   const std::string text_of_frame = frame_to_json(frame);
   XXH3_128bits_update(&state, text_of_frame.data(), text_of_frame.size());
   const XXH128_hash_t digest = XXH3_128bits_digest(&state);
@@ -239,7 +250,8 @@ std::string HeightHash::finish(const FieldFrame& frame, const uint8_t* valid) co
 std::string HeightField::hash() const {
   HeightHash hash;
   hash.add(heights, rows * cols);
-  return hash.finish(*this, valid);
+  if (valid != nullptr) hash.add_mask(valid, rows * cols);
+  return hash.finish(*this, valid != nullptr);
 }
 
 std::shared_ptr<const HeightField> make_height_field(const FieldFrame& frame, const float* heights,

@@ -4,6 +4,7 @@
 // samples give equal results and hashes whatever the bands.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -28,20 +29,28 @@ struct HeightRows : FieldFrame {
   int64_t first_row, end_row;
 };
 
-/// Writes `rows` whole rows, from row `first` on. Called by one thread at a time; equal calls give equal
-/// heights.
-using ReadRows = std::function<void(int64_t first, int64_t rows, float* heights)>;
+/// Writes `rows` whole rows, from row `first` on: heights, voids filled, and (if not null) 1 where a sample
+/// is real, 0 in voids. Called by one thread at a time. What a row holds does not depend on the call.
+using ReadRows = std::function<void(int64_t first, int64_t rows, float* heights, uint8_t* valid)>;
 
-/// A field that only its reader holds; every sample is real.
+/// A field that only its reader holds.
 struct WindowedField : FieldFrame {
   ReadRows read;
-  std::string spec;  ///< as HeightField::spec
-  std::string hash;  ///< as HeightField::hash() of the same samples
+  int64_t at_once = 0;              ///< samples, about, that a pass over all rows reads at once
+  std::string spec;                 ///< as HeightField::spec
+  std::string hash;                 ///< as HeightField::hash() of the same samples
+  int64_t voids = 0;                ///< samples
+  std::vector<std::byte> coverage;  ///< as coverage.h
+
+  int64_t rows_at_once() const { return std::clamp<int64_t>(at_once / cols, 1, rows); }
 };
+
+inline constexpr int64_t kSamplesAtOnce = int64_t{1} << 23;
 
 /// Reads all rows once, for checks, range and hash. Throws as make_height_field does.
 std::shared_ptr<const WindowedField> make_windowed_field(const FieldFrame& frame, ReadRows read,
-                                                         std::string spec, const Progress& progress);
+                                                         std::string spec, const Progress& progress,
+                                                         int64_t at_once = kSamplesAtOnce);
 
 /// Bands of a field in memory (views of it) or of a windowed one (read into a buffer).
 class Bands {
@@ -54,6 +63,8 @@ class Bands {
   }
   /// The field in memory, or null.
   const HeightField* whole() const { return field_.get(); }
+  /// The mask of coverage.h.
+  std::vector<std::byte> coverage() const;
   /// Rows [first, end), valid until the next call. Rows that the last call gave are not read again.
   HeightRows rows(int64_t first, int64_t end);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "base/errors.h"
 #include "geometry/angles.h"
@@ -14,7 +15,8 @@
 namespace lodlab::instrument {
 namespace {
 
-std::shared_ptr<const HeightField> not_null(std::shared_ptr<const HeightField> field) {
+template <class Field>
+std::shared_ptr<const Field> not_null(std::shared_ptr<const Field> field) {
   if (field == nullptr) throw InvalidInput("instrument: no height field to measure against");
   return field;
 }
@@ -23,6 +25,28 @@ std::shared_ptr<const HeightField> not_null(std::shared_ptr<const HeightField> f
 
 Instrument::Instrument(std::shared_ptr<const HeightField> field)
     : field_(not_null(std::move(field))), grid_(*field_) {}
+
+Instrument::Instrument(std::shared_ptr<const WindowedField> field)
+    : windowed_(not_null(std::move(field))), grid_(*windowed_) {}
+
+void Instrument::for_parts(const std::function<void(const HeightField&, const SampleGrid&)>& visit) const {
+  if (field_ != nullptr) return visit(*field_, grid_);
+  const FieldFrame& whole = *windowed_;
+  const int64_t step = windowed_->rows_at_once();
+  std::vector<float> heights(static_cast<size_t>(step * whole.cols));
+  std::vector<uint8_t> valid(heights.size());
+  HeightField part;
+  for (int64_t row = 0; row < whole.rows; row += step) {
+    static_cast<FieldFrame&>(part) = whole;
+    part.rows = std::min(step, whole.rows - row);
+    part.y0 = whole.y0 - static_cast<double>(row) * whole.dy;
+    part.lat0 = whole.planet ? whole.latitude(row) : whole.lat0;
+    part.heights = heights.data();
+    part.valid = windowed_->voids > 0 ? valid.data() : nullptr;
+    windowed_->read(row, part.rows, heights.data(), valid.data());
+    visit(part, SampleGrid(part));
+  }
+}
 
 std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
                                                        const render::DrawCall& draw_full) const {
@@ -35,7 +59,7 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
 }
 
 void Instrument::check_near(const glm::dvec3& eye) const {
-  const HeightField& f = *field_;
+  const FieldFrame& f = grid_.frame();
   const double step = f.planet ? f.dlat * kRadiansPerDegree * f.radius : std::min(f.dx, f.dy);
   double reach = glm::length(eye) + f.radius;
   double resolved = 2.0 * float_step(reach) / step;
@@ -56,9 +80,10 @@ void Instrument::check_near(const glm::dvec3& eye) const {
 }
 
 double Instrument::slack(const glm::dvec3& eye) const {
-  if (field_->planet) return world_slack(glm::length(eye) + field_->radius + std::max(0.0, field_->z_max));
-  const glm::dvec3 first = field_->position(0, 0, field_->z_min);
-  const glm::dvec3 last = field_->position(field_->rows - 1, field_->cols - 1, field_->z_max);
+  const FieldFrame& f = grid_.frame();
+  if (f.planet) return world_slack(glm::length(eye) + f.radius + std::max(0.0, f.z_max));
+  const glm::dvec3 first = f.position(0, 0, f.z_min);
+  const glm::dvec3 last = f.position(f.rows - 1, f.cols - 1, f.z_max);
   const glm::dvec3 reach = glm::max(glm::abs(first - eye), glm::abs(last - eye));
   return world_slack(glm::length(reach));
 }

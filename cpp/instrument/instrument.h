@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 
+#include "geometry/height_rows.h"
 #include "geometry/view.h"
 #include "instrument/sample_grid.h"
 #include "render/frame.h"
@@ -25,8 +27,13 @@ struct Reference {
 class Instrument {
  public:
   explicit Instrument(std::shared_ptr<const HeightField> field);
+  /// Measures band by band, reading all rows for every measurement.
+  explicit Instrument(std::shared_ptr<const WindowedField> field);
 
-  const HeightField& field() const { return *field_; }
+  /// The field in memory; null where it is read by rows.
+  const HeightField* field() const { return field_.get(); }
+  /// Calls visit(part, its grid) for bands of rows, fields by themselves, that have each sample once.
+  void for_parts(const std::function<void(const HeightField&, const SampleGrid&)>& visit) const;
   const SampleGrid& grid() const { return grid_; }
 
   /// Draws the reference of a view; null above kMostPictureSamples.
@@ -41,6 +48,7 @@ class Instrument {
 
  private:
   std::shared_ptr<const HeightField> field_;
+  std::shared_ptr<const WindowedField> windowed_;
   SampleGrid grid_;
 };
 

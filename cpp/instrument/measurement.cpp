@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "instrument/measurement.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "base/errors.h"
 #include "instrument/crack_edges.h"
 #include "instrument/fillers.h"
@@ -30,6 +33,11 @@ const T& kept(std::optional<T>& slot, const Make& make) {
   return *slot;
 }
 
+bool has_fillers(const render::Captured& captured) {
+  return std::any_of(captured.vertices.begin(), captured.vertices.end(),
+                     [](const render::CapturedVertex& v) { return (v.bits & 1u) != 0; });
+}
+
 }  // namespace
 
 Measurement::Measurement(std::shared_ptr<const Instrument> instrument,
@@ -46,22 +54,30 @@ const render::Captured& Measurement::whole() {
   return kept(whole_, [&] { return render::capture(subject_.camera, subject_.draw, true); });
 }
 
-DrawnSurface Measurement::rasterize(const render::Captured& captured, std::vector<float>* worst) const {
+const HeightField& Measurement::field() const {
+  if (in_memory()) return *instrument_->field();
+  const FieldFrame& f = grid().frame();
+  throw Unsupported("measure: this needs the source in memory; its " + std::to_string(f.rows) + " x " +
+                    std::to_string(f.cols) + " samples are read by windows");
+}
+
+DrawnSurface Measurement::rasterize(const HeightField& field, const SampleGrid& grid,
+                                    const render::Captured& captured, std::vector<float>* worst) const {
   try {
-    return DrawnSurface(field(), grid(), captured, worst);
+    return DrawnSurface(field, grid, captured, worst);
   } catch (const InvalidInput& error) {
     throw InvalidInput(subject_.drawn_by + ": " + error.what());
   }
 }
 
 const DrawnSurface& Measurement::surface() {
-  return kept(surface_, [&] { return rasterize(whole(), &worst_of_triangle_); });
+  return kept(surface_, [&] { return rasterize(field(), grid(), whole(), &worst_of_triangle_); });
 }
 
 const DrawnSurface* Measurement::before() {
   if (!subject_.draw_before) return nullptr;
   return &kept(before_, [&] {
-    return rasterize(render::capture(subject_.camera, subject_.draw_before, true), nullptr);
+    return rasterize(field(), grid(), render::capture(subject_.camera, subject_.draw_before, true), nullptr);
   });
 }
 
@@ -78,21 +94,57 @@ double Measurement::optimum_gap() {
 
 // Figures over samples --------------------------------------------------------------------------------------
 
+const Measurement::ByRows& Measurement::by_rows() {
+  return kept(by_rows_, [&] {
+    ByRows out;
+    double max = 0.0, squares = 0.0;
+    const render::Captured& captured = whole();
+    std::optional<render::Captured> earlier;
+    if (subject_.draw_before) earlier = render::capture(subject_.camera, subject_.draw_before, true);
+    worst_of_triangle_.assign(captured.vertices.size() / 3, -1.0f);
+    std::vector<float> worst;
+    instrument_->for_parts([&](const HeightField& part, const SampleGrid& part_grid) {
+      const DrawnSurface drawn = rasterize(part, part_grid, captured, &worst);
+      for (size_t i = 0; i < worst.size(); ++i)
+        worst_of_triangle_[i] = std::max(worst_of_triangle_[i], worst[i]);
+      const SampleError found = sample_error(part, drawn);
+      max = std::fmax(max, found.max);
+      if (found.samples > 0) squares += found.rms * found.rms * static_cast<double>(found.samples);
+      out.samples.holes += found.holes;
+      out.samples.samples += found.samples;
+      out.px_max = std::fmax(out.px_max, sample_error_px(part, part_grid, drawn, subject_.camera));
+      if (!earlier) return;
+      const DrawnSurface from = rasterize(part, part_grid, *earlier, nullptr);
+      out.pop_px_max = std::fmax(out.pop_px_max, surface_jump(part, part_grid, from, drawn, subject_.camera));
+    });
+    out.samples.max = max;
+    out.samples.rms = std::sqrt(squares / static_cast<double>(out.samples.samples));
+    return out;
+  });
+}
+
 const SampleError& Measurement::samples() {
+  if (!in_memory()) return by_rows().samples;
   return kept(samples_, [&] { return sample_error(field(), surface()); });
 }
 
 double Measurement::measured_px_max() {
+  if (!in_memory()) return by_rows().px_max;
   return kept(px_max_, [&] { return sample_error_px(field(), grid(), surface(), subject_.camera); });
 }
 
 double Measurement::pop_px_max() {
+  if (!in_memory()) return by_rows().pop_px_max;
   const DrawnSurface* from = before();
   return from == nullptr ? kUndefined : surface_jump(field(), grid(), *from, surface(), subject_.camera);
 }
 
 std::vector<NodeError> Measurement::node_errors() {
-  surface();
+  if (in_memory()) {
+    surface();
+  } else {
+    by_rows();
+  }
   return worst_of_nodes(whole(), worst_of_triangle_);
 }
 
@@ -104,7 +156,10 @@ const Orientation& Measurement::orientation() {
   return kept(orientation_, [&] { return lodlab::instrument::orientation(grid(), whole()); });
 }
 
-int64_t Measurement::raised_filler_triangles() { return raised_fillers(field(), grid(), surface(), whole()); }
+int64_t Measurement::raised_filler_triangles() {
+  if (!in_memory() && !has_fillers(whole())) return 0;
+  return raised_fillers(field(), grid(), surface(), whole());
+}
 
 // Figures over pixels ---------------------------------------------------------------------------------------
 
@@ -116,8 +171,9 @@ const PixelError& Measurement::pixels() {
 }
 
 double Measurement::pop_area() {
+  if (subject_.reference == nullptr) return kUndefined;
   const DrawnSurface* from = before();
-  if (from == nullptr || subject_.reference == nullptr) return kUndefined;
+  if (from == nullptr) return kUndefined;
   return jumping_share(field(), grid(), *from, surface(), subject_.reference->shade, subject_.camera);
 }
 

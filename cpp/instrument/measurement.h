@@ -74,6 +74,11 @@ class Measurement {
   std::vector<NodeError> node_errors();
 
  private:
+  /// Figures over samples of a source that is read by rows: made together, in one pass over it.
+  struct ByRows {
+    SampleError samples;
+    double px_max = kUndefined, pop_px_max = kUndefined;
+  };
   struct Cracks {
     double pixels = kUndefined, mask_share = kUndefined;
   };
@@ -81,11 +86,15 @@ class Measurement {
   const DrawnSurface& surface();
   const DrawnSurface* before();
   const SampleError& samples();
+  const ByRows& by_rows();
   const PixelError& pixels();
   const Cracks& cracks();
   const Orientation& orientation();
-  DrawnSurface rasterize(const render::Captured& captured, std::vector<float>* worst) const;
-  const HeightField& field() const { return instrument_->field(); }
+  DrawnSurface rasterize(const HeightField& field, const SampleGrid& grid, const render::Captured& captured,
+                         std::vector<float>* worst) const;
+  bool in_memory() const { return instrument_->field() != nullptr; }
+  /// Unsupported where the source is read by rows.
+  const HeightField& field() const;
   const SampleGrid& grid() const { return instrument_->grid(); }
 
   std::shared_ptr<const Instrument> instrument_;
@@ -95,6 +104,7 @@ class Measurement {
   std::optional<DrawnSurface> surface_, before_;
   std::vector<float> worst_of_triangle_;  ///< made with surface_
   std::optional<render::Picture> drawn_;
+  std::optional<ByRows> by_rows_;
   std::optional<SampleError> samples_;
   std::optional<PixelError> pixels_;
   std::optional<Cracks> cracks_;

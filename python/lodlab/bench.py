@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, bench_multigrain, results
+from . import _core, bench_multigrain, bench_windowed, results
 from .bench_lab import (
     REPEATS,
     SEED,
@@ -386,7 +386,7 @@ BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
     "draw": (_draw, bench_multigrain.draw),
     "select": (_select, bench_multigrain.select),
     "build": (_build, bench_multigrain.build),
-    "memory": (_memory,),
+    "memory": (_memory, bench_windowed.memory),
     "measure": (_measure,),
     "accuracy": (_accuracy, bench_multigrain.accuracy),
     "cuts": (bench_multigrain.cuts,),

@@ -248,7 +248,7 @@ def source_info(text: str) -> dict[str, Any]:
         "source": field.spec,
         **{k: v for k, v in frame.items() if k not in hidden},
         "samples": field.shape[0] * field.shape[1],
-        "void_samples": int(field.valid.size - field.valid.sum()),
+        "void_samples": field.void_samples,
         "source_hash": field.hash(),
     }
 

@@ -172,6 +172,8 @@ class HeightField:
     InvalidInput: dtype, shape, all void, infinite heights (the first is named), values out of range.
     """
 
+    windowed = False  # read by windows: lodlab.windowed
+
     def __init__(
         self,
         array: Any,
@@ -271,8 +273,8 @@ class HeightField:
         if isinstance(raster.samples, RasterWindows):
             from .windowed import RasterReader, WindowedHeightField
 
-            frame, _ = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
-            reader = RasterReader(raster.samples, raster.nodata, nodata is None, scale, offset * scale)
+            frame, cols = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
+            reader = RasterReader(raster.samples, cols, raster.nodata, nodata is None, scale, offset * scale)
             return WindowedHeightField(reader, frame, name, spec)
         return cls(
             raster.samples,
@@ -324,6 +326,11 @@ class HeightField:
         """(H, W) bool: True where the sample is real. Read-only."""
         mask = self._core.valid
         return np.broadcast_to(np.True_, self.shape) if mask is None else mask.view(bool)
+
+    @property
+    def void_samples(self) -> int:
+        """Samples that are not real."""
+        return 0 if self._core.valid is None else int(self._core.valid.size - np.count_nonzero(self._core.valid))
 
     @property
     def filled(self) -> np.ndarray:
@@ -379,7 +386,7 @@ class HeightField:
 
     def __repr__(self) -> str:
         core = self._core
-        voids = 0 if core.valid is None else int(core.valid.size - np.count_nonzero(core.valid))
+        voids = self.void_samples
         where = f"planet of radius {core.radius:g} m" if core.planet else f"spacing {core.dx:.6g} x {core.dy:.6g} m"
         parts = [f"{core.rows} x {core.cols}", where, f"heights {core.z_min:g} to {core.z_max:g} m"]
         return f"<HeightField {self.name}: {', '.join(parts)}{f', {voids} voids' if voids else ''}>"

@@ -132,7 +132,6 @@ class Yardstick:
         options: Mapping[str, Any] | None = None,
     ):
         self.source = source
-        self._field = source.core  # Unsupported for a source that is read by windows
         self.options = dict(options or {})
         self._folder = folder
         self._progress = progress
@@ -143,7 +142,7 @@ class Yardstick:
     @property
     def pictures(self) -> bool:
         """False above 32 M samples: no reference picture, its columns are nan."""
-        return (self.source.shape[0] * self.source.shape[1]) <= PICTURE_SAMPLES
+        return not self.source.windowed and self.source.shape[0] * self.source.shape[1] <= PICTURE_SAMPLES
 
     def instrument(self) -> Any:
         """The core's instrument; builds `full` on first use."""
@@ -154,7 +153,7 @@ class Yardstick:
                     self._folder = results.temporary_folder(self)
                 store = store_for(self.source, "full", self.options, self._folder, progress=self._progress)
                 session = store.core.session(still(store.method, {}))
-            self._instrument = _core.Instrument(self._field, session)
+            self._instrument = _core.Instrument(self.source.rows_core, session)
         return self._instrument
 
     def reference(self, view: Any) -> Any:
@@ -349,8 +348,9 @@ def make_pictures(
         pictures.save(folder / f"{f:06d}-level.png", levels.image)
         if yardstick is None:
             continue
-        error = yardstick.error_picture(session, recording.cuts[f], recording.views[f])
-        pictures.save(folder / f"{f:06d}-error.png", error)
+        if not yardstick.source.windowed:
+            error = yardstick.error_picture(session, recording.cuts[f], recording.views[f])
+            pictures.save(folder / f"{f:06d}-error.png", error)
         reference = yardstick.reference(recording.views[f])
         if reference is not None:
             delta, factor = pictures.difference(drawn.image, reference.image)

@@ -98,17 +98,6 @@ class RasterWindows:
             return samples.data, ~np.ma.getmaskarray(samples)
         return samples, None
 
-    def limits(self, cols: int) -> tuple[int, int]:
-        """At least the smallest and the largest integer sample of the first columns."""
-        if self.dtype.itemsize <= 2:
-            info = np.iinfo(self.dtype)
-            return int(info.min), int(info.max)
-        low, high, step = 0, 0, max(1, (1 << 22) // cols)
-        for row in range(0, self.shape[0], step):
-            samples, _ = self.read(row, 0, min(step, self.shape[0] - row), cols)
-            low, high = min(low, int(samples.min())), max(high, int(samples.max()))
-        return low, high
-
 
 @dataclass
 class Raster:

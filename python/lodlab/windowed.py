@@ -3,7 +3,7 @@
 
 A `WindowedHeightField` knows where it lies without reading anything. Its native object reads it once, for checks,
 range of heights and hash; a method that builds by rows (`by_rows` in its table) reads it again. What needs the
-samples in memory says so: `loaded()` for methods that cannot build by rows, Unsupported for measuring.
+samples in memory says so: `loaded()` for methods that cannot build by rows, Unsupported for pictures of errors.
 """
 
 from __future__ import annotations
@@ -17,17 +17,19 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput, Unsupported
-from .heightfield import HeightField, window_samples
+from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask, window_samples
+from .raster import MARKS
 
 _SIDE = 256  # of the patches that are kept
 _PATCHES = 64
+_STRIP = 1 << 22  # samples
 
 
 class Reader(Protocol):
     """What holds the samples. Readers are pickled: workers read for themselves."""
 
-    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
-        """(rows, cols) float32, C-contiguous, finite."""
+    def window(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """Heights (rows, cols) float32, C-contiguous, voids filled, and a mask, uint8, 0 in voids; None: no voids."""
 
     def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
         """The native field; reads every sample once."""
@@ -36,8 +38,11 @@ class Reader(Protocol):
 class WindowedHeightField(HeightField):
     """A height field of more than `window_samples()` samples, made by `lodlab.datasets.load` or `HeightField.open`.
 
-    It has no voids: a raster with voids is refused when it is first read.
+    Voids are filled strip by strip of rows, with a membrane that sees a quarter of a strip beyond each; a strip
+    without any real sample is filled with 0. So the fill, and with it the hash, is not the one in memory.
     """
+
+    windowed = True
 
     def __init__(self, reader: Reader, frame: dict[str, Any], name: str, spec: str) -> None:
         self._reader = reader
@@ -59,8 +64,8 @@ class WindowedHeightField(HeightField):
     def core(self) -> Any:
         """Unsupported: there is no native height field in memory."""
         raise Unsupported(
-            f"source {self.spec}: {_size(self.shape)} are read by windows, and measuring needs a source in memory; "
-            f"the limit is {window_samples():,} samples (LODLAB_WINDOW_SAMPLES). Fly with --accuracy-frames 0"
+            f"source {self.spec}: this needs it in memory, and its {_size(self.shape)} are read by windows; the "
+            f"limit is {window_samples():,} samples (LODLAB_WINDOW_SAMPLES)"
         )
 
     @property
@@ -71,7 +76,8 @@ class WindowedHeightField(HeightField):
     def loaded(self) -> HeightField:
         """The same field in memory."""
         frame = {k: v for k, v in self._core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
-        state = {"arrays": (self.filled, None), "frame": frame, "spec": self._spec, "name": self.name}
+        heights, mask = self._reader.window(0, 0, *self.shape)
+        state = {"arrays": (heights, mask), "frame": frame, "spec": self._spec, "name": self.name}
         field = HeightField.__new__(HeightField)
         field.__setstate__(state)
         return field
@@ -83,26 +89,37 @@ class WindowedHeightField(HeightField):
 
     @property
     def heights(self) -> np.ndarray:
-        """(H, W) float32, metres; all of it is read, every time. Read-only."""
-        return self.filled
+        """(H, W) float32, metres, NaN in voids; all of it is read, every time. Read-only."""
+        out, mask = self._reader.window(0, 0, *self.shape)
+        if mask is not None:
+            out[mask == 0] = np.nan
+        out.flags.writeable = False
+        return out
 
     @property
     def valid(self) -> np.ndarray:
-        """(H, W) bool: True. Read-only."""
-        return np.broadcast_to(np.True_, self.shape)
+        """(H, W) bool: True where the sample is real. Read-only."""
+        mask = self._reader.window(0, 0, *self.shape)[1] if self.void_samples else None
+        return np.broadcast_to(np.True_, self.shape) if mask is None else mask.view(bool)
+
+    @property
+    def void_samples(self) -> int:
+        """Samples that are not real."""
+        return self._core.voids
 
     @property
     def filled(self) -> np.ndarray:
-        """(H, W) float32, metres; all of it is read, every time. Read-only."""
-        out = self._reader.window(0, 0, *self.shape)
+        """(H, W) float32, metres, voids filled; all of it is read, every time. Read-only."""
+        out, _ = self._reader.window(0, 0, *self.shape)
         out.flags.writeable = False
         return out
 
     def every(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """Every step-th row and column: heights, and which are real."""
         rows, cols = self.shape
-        z = np.concatenate([self._reader.window(row, 0, 1, cols)[:, ::step] for row in range(0, rows, step)])
-        return z, np.ones(z.shape, bool)
+        lines = [self._reader.window(row, 0, 1, cols) for row in range(0, rows, step)]
+        real = [np.ones((1, cols), bool) if mask is None else mask.view(bool) for _, mask in lines]
+        return np.concatenate([z[:, ::step] for z, _ in lines]), np.concatenate([r[:, ::step] for r in real])
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -173,7 +190,7 @@ class Windows:
         top, bottom, _ = rows.indices(self.shape[0])
         if isinstance(cols, slice):
             left, right, _ = cols.indices(self.shape[1])
-            return self._reader.window(top, left, bottom - top, right - left)
+            return self._reader.window(top, left, bottom - top, right - left)[0]
         out = np.empty((bottom - top, len(cols)), np.float32)
         for j in np.unique(cols // _SIDE):
             mine = cols // _SIDE == j
@@ -187,7 +204,7 @@ class Windows:
         if (i, j) not in self._patches:
             row, col = i * _SIDE, j * _SIDE
             rows, cols = min(_SIDE, self.shape[0] - row), min(_SIDE, self.shape[1] - col)
-            self._patches[i, j] = self._reader.window(row, col, rows, cols)
+            self._patches[i, j], _ = self._reader.window(row, col, rows, cols)
             if len(self._patches) > _PATCHES:
                 self._patches.popitem(last=False)
         self._patches.move_to_end((i, j))
@@ -202,10 +219,11 @@ class FractalReader:
             raise InvalidInput(f"fractal: seed {seed} is not within 0 to 2^64 - 1")
         self._seed, self._roughness, self._scale = seed, float(roughness), scale
 
-    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
+    def window(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, None]:
         """As Reader.window."""
         out = _core.fractal(rows, cols, row, col, self._seed, self._roughness)
-        return out if self._scale == 1.0 else np.multiply(out, self._scale, dtype=np.float64).astype(np.float32)
+        scaled = self._scale != 1.0
+        return np.multiply(out, self._scale, dtype=np.float64).astype(np.float32) if scaled else out, None
 
     def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
         """As Reader.open."""
@@ -215,46 +233,80 @@ class FractalReader:
 
 
 class RasterReader:
-    """A raster file's band as heights; `source` is a lodlab.raster.RasterWindows."""
+    """A raster file's band as heights; `source` is a lodlab.raster.RasterWindows, `cols` what is used of its width."""
 
-    def __init__(self, source: Any, nodata: float | None, guess: bool, scale: float, offset: float) -> None:
-        self._source, self._nodata, self._guess = source, nodata, guess
+    def __init__(self, source: Any, cols: int, nodata: float | None, guess: bool, scale: float, offset: float) -> None:
+        self._source, self._cols, self._nodata, self._guess = source, cols, nodata, guess
         self._scale, self._offset = scale, offset
+        self._strip: tuple[int, np.ndarray] | None = None  # the last one that was filled
 
-    def window(self, row: int, col: int, rows: int, cols: int) -> np.ndarray:
-        """As Reader.window. Unsupported names the first void."""
-        from .heightfield import _to_float32, _valid_mask
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_strip": None}
 
+    def window(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """As Reader.window."""
+        heights, mask = self._read(row, col, rows, cols)
+        if mask is not None:
+            height = self._strip_rows()
+            for k in range(row // height, (row + rows - 1) // height + 1):
+                first, last = max(row, k * height), min(row + rows, (k + 1) * height)
+                if not mask[first - row : last - row].all():
+                    filled = self._filled(k)[first - k * height : last - k * height, col : col + cols]
+                    heights[first - row : last - row] = filled
+        return heights, mask
+
+    def _read(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """Heights, anything in voids, and the mask, None without voids."""
         samples, given = self._source.read(row, col, rows, cols)
         valid = _valid_mask(samples, self._nodata, given)
-        if valid is not None:
-            i, j = np.unravel_index(int(np.argmin(valid)), valid.shape)
-            raise Unsupported(
-                f"open {self._source.path}: sample at row {row + i}, column {col + j} is void, and voids are not "
-                f"filled in sources of more than {window_samples():,} samples (LODLAB_WINDOW_SAMPLES), which are read "
-                "by windows; fill them in the file, or choose a window without"
-            )
-        return _to_float32(samples, self._scale, self._offset)
+        heights = _to_float32(samples, self._scale, self._offset)
+        return heights, None if valid is None else np.ascontiguousarray(valid).view(np.uint8)
+
+    def _strip_rows(self) -> int:
+        """The same whatever is read: about 4 M samples."""
+        return min(max(_STRIP // self._cols, 64), 1024)
+
+    def _filled(self, k: int) -> np.ndarray:
+        """Rows of strip `k`, voids filled."""
+        if self._strip is None or self._strip[0] != k:
+            height = self._strip_rows()
+            first, last = max(0, k * height - height // 4), min(self._source.shape[0], (k + 1) * height + height // 4)
+            heights, mask = self._read(first, 0, last - first, self._cols)
+            if mask is not None and mask.any():
+                _core.fill_voids(heights, mask)
+            elif mask is not None:
+                heights[:] = 0.0
+            self._strip = (k, heights[k * height - first : (k + 1) * height - first].copy())
+        return self._strip[1]
 
     def open(self, frame: dict[str, Any], spec: str, progress: Callable[[str, float], None]) -> Any:
         """As Reader.open."""
-        from .heightfield import EXACT_IN_FLOAT32
-        from .raster import MARKS
-
         keys = {k: v for k, v in frame.items() if k not in ("rows", "cols")}
         rows, cols = frame["rows"], frame["cols"]
 
-        def read(row: int, count: int) -> np.ndarray:
+        def read(row: int, count: int) -> tuple[np.ndarray, np.ndarray | None]:
             return self.window(row, 0, count, cols)
 
-        if self._source.dtype.kind in "iu" and self._offset == 0.0:
-            if max(map(abs, self._source.limits(cols))) <= EXACT_IN_FLOAT32:
-                keys["height_step"] = self._scale
-        field = _core.WindowedField(rows, cols, read, spec=spec, progress=progress, **keys)
+        if self._source.dtype.kind in "iu" and self._offset == 0.0 and self._exact():
+            keys["height_step"] = self._scale
+        field = _core.WindowedField(rows, cols, read, spec=spec, progress=progress, at_once=_STRIP, **keys)
         lowest = (field.z_min - self._offset) / self._scale
         if self._nodata is None and self._guess and any(math.isclose(lowest, mark, rel_tol=1e-6) for mark in MARKS):
-            raise Unsupported(
-                f"open {self._source.path}: its lowest height is {lowest:g}, a customary mark of voids, which are not "
-                "filled in sources that are read by windows; nodata=none keeps it as a height"
+            raise InvalidInput(
+                f"open {self._source.path}: its lowest height is {lowest:g}, a customary mark of voids that it does "
+                f"not declare; nodata={lowest:g} takes it as void, nodata=none as a height"
             )
         return field
+
+    def _exact(self) -> bool:
+        """Whether 32-bit floats hold all its integers; reads them all where their type does not say it."""
+        if self._source.dtype.itemsize <= 2:
+            return True
+        step = max(1, _STRIP // self._cols)
+        for row in range(0, self._source.shape[0], step):
+            samples, given = self._source.read(row, 0, min(step, self._source.shape[0] - row), self._cols)
+            valid = _valid_mask(samples, self._nodata, given)
+            real = samples if valid is None else samples[valid]
+            if real.size and max(-int(real.min()), int(real.max())) > EXACT_IN_FLOAT32:
+                return False
+        return True

@@ -10,7 +10,6 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
-#include "geometry/coverage.h"
 #include "method/sample_code.h"
 #include "methods/multigrain/colors.h"
 #include "methods/multigrain/measure.h"
@@ -256,10 +255,8 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
     for (const Step& step : steps)
       drawn.take(bands.rows(step.first, step.end + 1), step.first, step.end, next_part());
   }
-  if (bands.whole() != nullptr) {
-    const Bytes coverage = coverage_bits(*bands.whole());
-    if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
-  }
+  const Bytes coverage = bands.coverage();
+  if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
   writer.put_array("layout",
                    as_bytes(std::vector<int32_t>{layout.chart_log2, layout.levels, layout.most_log2}));
   writer.put_array("nodes", as_bytes(forest.nodes));
