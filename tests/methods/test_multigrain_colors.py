@@ -80,34 +80,37 @@ def test_colours_go_round_a_planet(tmp_path: Path, place: tuple[float, float]) -
     assert np.percentile(difference, 99.9) <= 8
 
 
-@pytest.mark.parametrize("texels_per_pixel", [0.5, 1.0, 2.0])
-def test_levels_of_colour_meet_without_a_seam(tmp_path: Path, texels_per_pixel: float) -> None:
-    field = lod.HeightField(np.zeros((1025, 1025)))
-    store, full = pair(field, tmp_path, raster(tmp_path / "colour.png", 2050, 2050))
-    view = _core.View((100.0, -1000.0, 30.0), (400.0, -300.0, 0.0), fov=70.0, size=(640, 360))
-    ours, wanted, row = pictures(store, full, view, texels_per_pixel=texels_per_pixel)
+def test_levels_of_colour_meet_without_a_seam(tmp_path: Path) -> None:
+    field = lod.HeightField(np.zeros((1024, 1024)), spacing=1.0)
+    wave = np.sin(np.arange(2048) * (2 * np.pi / 128)) * 60  # up to 3 steps a texel, each way
+    blue = 128 + wave[None, :] + wave[:, None]
+    store, full = pair(field, tmp_path, raster(tmp_path / "colour.png", 2048, 2048, blue))
+    view = _core.View((100.0, -1000.0, 160.0), (450.0, -600.0, 0.0), fov=70.0, size=(640, 360))
+    ours, wanted, row = pictures(store, full, view)
     one_tile = 288 * 288 * 4  # texels, without mip levels
-    assert row["nodes"] <= 16  # level ground needs no triangles: what meets is patches of nodes
     assert row["resident_bytes"] > 12 * one_tile
-    # One step of 8 bits for each of two roundings, of the tile's texels and of the picture's, in both; beyond
-    # the borders of the field the levels differ by half a texel.
-    inside = (wanted.sum(axis=2) > 0) & (ours.sum(axis=2) > 0)
-    assert np.percentile(np.abs(ours - wanted)[inside], 99.9) <= 3
-    # From one pixel to the next no jump beyond the reference's by more than these steps.
+    ground = (ours != ours[0, 0]).any(axis=2) & (wanted != wanted[0, 0]).any(axis=2)
+    ground[:150] = False  # farther off a pixel has more texels than a tile's mip levels go down to
+    assert ground.sum() > 320 * 200
+    # Steps of 8 bits: the rounding of mip levels, of weights between two of them, of the picture. A seam of one texel
+    # would be six.
+    assert np.abs(ours - wanted)[ground].max() <= 4
     for axis in (0, 1):
-        jump, allowed = np.abs(np.diff(ours, axis=axis)), np.abs(np.diff(wanted, axis=axis))
-        assert np.percentile((jump - allowed)[:, 2:-2], 99.99) <= 3
+        both = ground & np.roll(ground, -1, axis)
+        both = both[:-1] if axis == 0 else both[:, :-1]
+        jump, reference = (np.abs(np.diff(picture, axis=axis))[both] for picture in (ours, wanted))
+        assert (jump - reference).max() <= 4
 
 
 def test_mip_levels_of_tiles_are_those_of_the_raster(tmp_path: Path) -> None:
     """Noise shows which level of the pyramid each pixel is from."""
-    field = lod.HeightField(np.zeros((1025, 1025)))
-    store, full = pair(field, tmp_path, raster(tmp_path / "colour.png", 1025, 1025, noise(1025, 1025)))
+    field = lod.HeightField(np.zeros((1024, 1024)), spacing=1.0)
+    store, full = pair(field, tmp_path, raster(tmp_path / "colour.png", 1024, 1024, noise(1024, 1024)))
     view = _core.View((512.0, -1000.0, 250.0), (512.0, -500.0, 0.0), fov=60.0, size=(320, 200))
     ours, wanted, _ = pictures(store, full, view)
     blue = np.abs(ours - wanted)[..., 2]
     assert wanted[..., 2].std() > 8.0  # there is something to see
-    assert blue.mean() < 0.5
+    assert blue.mean() < 1.0  # one texel aside it would be 6
 
 
 def test_colours_take_memory_by_their_size_on_the_screen(tmp_path: Path) -> None:
@@ -132,12 +135,12 @@ def test_colours_take_memory_by_their_size_on_the_screen(tmp_path: Path) -> None
 
 
 def test_memory_of_colours_is_that_of_one_frame(tmp_path: Path) -> None:
-    field = lod.HeightField(np.zeros((1025, 1025)))
+    field = lod.HeightField(np.zeros((1024, 1024)), spacing=1.0)
     attribute = raster(tmp_path / "colour.png", 4100, 4100)
     store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False, attribute=attribute)
     session = store.core.session({"stream": False})
     largest = 0
-    for x in range(60, 1000, 60):  # over the whole field, so low that each place has tiles of its own
+    for x in range(60, 1000, 120):  # over the whole field, so low that each place has tiles of its own
         view = _core.View((x, -500.0, 20.0), (x + 30.0, -500.0, 0.0), fov=60.0, size=(320, 200))
         _, row = session.time_frame(view, NEAR)
         largest = max(largest, row["resident_bytes"])
