@@ -252,3 +252,47 @@ TEST_CASE("targets that nodes put out of reach, and views that see nothing") {
   CHECK(*nothing.least_error({.triangles = 1, .nodes = 1}) == 0.0);
   CHECK(nothing.cut(0.0, 1).size() == forest->roots);
 }
+
+TEST_CASE("level: hard budgets hold, a still camera's cut is fixed, and it comes nearer to the optimum than quad") {
+  Random random(31);
+  auto all = forests();
+  all.push_back(fractal_forest(1025, 8, 5, 8));
+  int most = 0;
+  for (const auto& forest : all) {
+    Adapter adapter(*forest, Projection::kStrict);
+    for (int i = 0; i < 300; ++i) {
+      const View view = random_view(*forest, random);
+      Budget budget = budget_of({}, static_cast<int64_t>(std::exp(uniform(random, 0.0, 13.0))), {});
+      if (random() % 2) budget.nodes = static_cast<int64_t>(std::exp(uniform(random, 0.0, 7.0)));
+      if (random() % 3 == 0) budget.pixel_error = std::exp(uniform(random, -3.0, 4.0));
+      Cut last = select(adapter, Adapt::kLevel, view, budget);
+      check_hard(*forest, last, budget);
+      check_cut(*forest, last, budget);
+      if (i % 10) continue;
+      int changed = 0;
+      for (int frame = 1; frame <= 60 && frame - changed <= 12; ++frame) {
+        Cut next = select(adapter, Adapt::kLevel, view, budget);
+        check_hard(*forest, next, budget);
+        if (!same(last, next)) changed = frame;
+        last = std::move(next);
+      }
+      most = std::max(most, changed + 1);
+    }
+  }
+  MESSAGE("a still camera's cut is fixed after at most " << most << " frames");
+  CHECK(most <= 12);
+  Adapter level(*all.back(), Projection::kStrict), quad(*all.back(), Projection::kStrict);
+  const Budget budget = budget_of({}, 60000, 200);
+  std::vector<double> of_level, of_quad;
+  for (int i = 0; i < 200; ++i) {
+    const View view = flight(*all.back(), i);
+    Exact exact(*all.back(), Projection::kStrict, make_camera(view));
+    const double best = *exact.least_error({60000, 200});
+    const Cut ours = select(level, Adapt::kLevel, view, budget), theirs = select(quad, Adapt::kQuad, view, budget);
+    if (best <= 0.0) continue;
+    of_level.push_back(ours.predicted_px / best - 1.0);
+    of_quad.push_back(theirs.predicted_px / best - 1.0);
+  }
+  MESSAGE("along a flight, above the optimum: level " << median(of_level) << ", quad " << median(of_quad));
+  CHECK(median(of_level) < 0.1);
+}

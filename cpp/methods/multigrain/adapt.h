@@ -30,7 +30,10 @@ class Adapter {
   /// algorithm that does not serve the budget.
   void select(Adapt adapt, const Camera& camera, const Budget& budget, Cut& cut);
   /// The next frame starts from the roots.
-  void reset() { forget(); }
+  void reset() {
+    forget();
+    last_level_ = Level{};
+  }
 
  private:
   struct Spot {
@@ -43,6 +46,7 @@ class Adapter {
     uint32_t saved_in = 0;
     uint32_t split_in = 0;    ///< the trade that split it
     uint32_t missing_in = 0;  ///< the frame in which it stands in for what is not there
+    uint32_t kept_in = 0;     ///< the frame in which keep_parents() was here
     int8_t k = -1;            ///< resolution; -1: not on the cut
     int8_t most = 0;          ///< the finest one whose heights are there, in frame `seen`
     int8_t stride = 0;        ///< log2, at k
@@ -127,10 +131,30 @@ class Adapter {
   bool swap_for(uint32_t id);
   void spend();
 
+  // One level of error for all: adapt_level.cpp
+  struct Level {  ///< of a frame, under this view and these budgets
+    double level = 0.0;   ///< pixels; 0: none
+    double down = 0.0;    ///< by how much to try a lower one next
+    bool finest = false;  ///< all nodes show every sample
+    glm::dvec3 eye{0.0}, forward{0.0};
+    double K = 0.0;
+    int64_t triangles = 0, nodes = 0;
+    bool same_view(const Level& o) const {
+      return eye == o.eye && forward == o.forward && K == o.K && triangles == o.triangles && nodes == o.nodes;
+    }
+  };
+  double attempt(double level);
+  double attempt_quad(double wanted);
+  double drawn_worst() const;
+  double own_worst() const;
+  double first_level(double wanted);
+  void select_level();
+
   // The optimum: adapt_exact.cpp
   void select_exact();
 
   // What is drawn: adapt_drawn.cpp
+  void stitch_it();
   void draw_it();
   void own_blocks(uint32_t id);
   template <class Visit>
@@ -142,6 +166,7 @@ class Adapter {
 
   // What is there, and what is wanted: adapt_paging.cpp
   int finest_wanted(uint32_t id) const;
+  void keep_parents(uint32_t id);
   void page();
 
   const Forest& forest_;
@@ -157,6 +182,8 @@ class Adapter {
   int64_t triangles_ = 0, nodes_ = 0, active_ = 0;  ///< of visible nodes; visible; on the cut
   int64_t steps_ = 0;
   std::vector<Move> moves_;
+  size_t stitched_from_ = 0;  ///< moves from here on are taken back before the next frame
+  Level last_level_;
   std::vector<uint32_t>
       changed_;  ///< while the resolution queues are up: nodes that they are to look at again
   bool queues_up_ = false;

@@ -124,8 +124,8 @@ void Adapter::stitch(double pixels) {
   }
 }
 
-/// Owners of blocks, stitching, and what is left to spend; then the cut is in order.
-void Adapter::draw_it() {
+/// Owners of blocks, and stitching.
+void Adapter::stitch_it() {
   for (const uint32_t id : drawn_) {
     if (spot_[id].k < 0) spot_[id].owns = false;
   }
@@ -136,6 +136,11 @@ void Adapter::draw_it() {
     worst = std::max(worst, spot_[id].rho);
   }
   if (frame_.fits) stitch(worst);
+  drawn_.assign(cut_.begin(), cut_.end());
+}
+
+/// Spends what is left; then the cut is in order.
+void Adapter::draw_it() {
   if (frame_.fits && local_) spend();
   list_cut();
   drawn_.assign(cut_.begin(), cut_.end());

@@ -63,9 +63,9 @@ std::vector<OptionSpec> option_table() {
        std::string("auto"),
        kDraw,
        "",
-       "How the cut is found: top-down, by dual queues, by the paper's quad-queue, as the optimum (slow); "
-       "auto: by what the budget limits.",
-       {"auto", "topdown", "dual", "quad", "exact"}},
+       "How the cut is found: top-down, by dual queues, by the paper's quad-queue, by dual queues at the lowest "
+       "level of error within the budget, as the optimum (slow); auto: by what the budget limits.",
+       {"auto", "topdown", "dual", "quad", "level", "exact"}},
       {"texels_per_pixel",
        1.0,
        kDraw,
@@ -116,6 +116,7 @@ Adapt adapt_of(const Options& options) {
   return text == "topdown" ? Adapt::kTopDown
          : text == "dual"  ? Adapt::kDual
          : text == "quad"  ? Adapt::kQuad
+         : text == "level" ? Adapt::kLevel
          : text == "exact" ? Adapt::kExact
                            : Adapt::kAuto;
 }

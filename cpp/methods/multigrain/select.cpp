@@ -14,9 +14,12 @@ constexpr double kInside = 1.0 - 1e-12;
 Adapt serving(Adapt adapt, const Budget& budget) {
   if (adapt == Adapt::kExact) return adapt;
   if (adapt == Adapt::kAuto) return budget.triangles ? Adapt::kQuad : Adapt::kTopDown;
-  if (adapt == Adapt::kQuad && !budget.triangles)
-    throw Unsupported("select: adapt=quad spends a budget of triangles, and none is set");
-  if (adapt != Adapt::kQuad && budget.triangles) {
+  const bool spends = adapt == Adapt::kQuad || adapt == Adapt::kLevel;
+  if (spends && !budget.triangles) {
+    throw Unsupported(std::string("select: adapt=") + (adapt == Adapt::kQuad ? "quad" : "level") +
+                      " spends a budget of triangles, and none is set");
+  }
+  if (!spends && budget.triangles) {
     throw Unsupported(std::string("select: adapt=") + (adapt == Adapt::kDual ? "dual" : "topdown") +
                       " knows pixel_error and nodes, and a budget of triangles is set: adapt=quad");
   }
@@ -43,16 +46,21 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
     start_at_roots();
   } else if (adapt == Adapt::kQuad) {
     select_quad();
+  } else if (adapt == Adapt::kLevel) {
+    select_level();
   } else if (adapt == Adapt::kDual) {
     select_dual();
   } else {
     select_topdown();
   }
-  const size_t queues = moves_.size();
+  if (adapt != Adapt::kLevel || !frame_.fits) {  // the level is that of the stitched cut
+    stitched_from_ = moves_.size();
+    stitch_it();
+  }
   draw_it();
   if (paging_ != nullptr) page();
   write(budget, cut);
-  undo(queues);
+  undo(stitched_from_);
 }
 
 Cut MultigrainSession::select(const View& view, const Budget& budget) {

@@ -13,7 +13,7 @@ namespace lodlab::multigrain {
 
 class Paging;
 
-enum class Adapt { kAuto, kTopDown, kDual, kQuad, kExact };
+enum class Adapt { kAuto, kTopDown, kDual, kQuad, kLevel, kExact };
 
 class MultigrainSession : public Session {
  public:

@@ -336,7 +336,8 @@ def _optimum() -> Case:
 
     source = sheet((-16.0, 16.0), (-32.0, 32.0), (9, 5), z)
     options = {"chart": 4, "levels": 1}
-    drawn = Drawn(source, "multigrain", options, {"adapt": "exact", "projection": "paper"}, budget={"triangles": 48})
+    look = {"adapt": "exact", "projection": "paper", "stream": False}
+    drawn = Drawn(source, "multigrain", options, look, budget={"triangles": 48})
     values = {"predicted_px": K * 1.0 / 32.0, "optimum_gap": 64.0 / 32.0 - 1.0, "measured_max": 1.0}
     return Case("stitched beyond the optimum", source, (drawn,), level((0.0, -64.0, 0.5)), values)
 
