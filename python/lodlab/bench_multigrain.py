@@ -275,7 +275,7 @@ class _Tile:
 
     @property
     def name(self) -> str:
-        return f"{'planet' if self.planet else 'flat'}-{self.rows}x{self.cols}"
+        return f"{'planet' if self.planet else 'flat'}-{self.rows}x{self.cols}-chart-{self.options['chart']}"
 
     def field(self) -> HeightField:
         """Heights without any regularity: two samples that are taken for one another show as a crack."""
