@@ -62,7 +62,7 @@ def test_random_cuts_have_no_crack_and_keep_their_bounds(lab) -> None:
 )
 def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]) -> None:
     field, store, instrument = lab
-    session = store.core.session({})
+    session = store.core.session({"stream": False})
     for view in flyover_views(field, 6):
         cut, row = session.time_frame(view, _core.Budget(**budget))
         found = instrument.examine(session, cut, view, instrument.reference(view))
@@ -86,3 +86,112 @@ def test_coarse_triangles_of_a_planet_keep_the_colours_of_their_heights(tmp_path
     drawn = frame.image[np.isfinite(frame.depth)].astype(int)
     # Between their vertices triangles lie kilometres below the sphere; sea is bluer than red, land is not.
     assert len(drawn) > 1000 and (drawn[:, 0] >= drawn[:, 2]).all()
+
+
+@pytest.fixture(scope="module")
+def terrain(tmp_path_factory: pytest.TempPathFactory):
+    """A fractal, a store of it, and its instrument; its tiles are some 8 MiB."""
+    field = lod.HeightField(_core.fractal(1025, 1025, 0, 0, seed=1, roughness=0.5))
+    folder = tmp_path_factory.mktemp("paging")
+    store = lod.build(field, "multigrain", folder / "m.lod", progress=False)
+    full = lod.build(field, "full", folder / "full.lod", progress=False)
+    return field, store, _core.Instrument(field.core, full.core.session({}))
+
+
+@pytest.fixture(scope="module")
+def small_tiles(terrain, tmp_path_factory: pytest.TempPathFactory) -> lod.stores.Store:
+    """The same with tiles of 18 KiB, some 6 MiB in all."""
+    path = tmp_path_factory.mktemp("small") / "m.lod"
+    return lod.build(terrain[0], "multigrain", path, progress=False, node_resolution=64)
+
+
+def chosen(cut) -> tuple[bytes, bytes]:
+    return cut.nodes["node"].tobytes(), cut.nodes["resolution"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("adapt", "budget"),
+    [
+        ("topdown", {"pixel_error": 1.0}),
+        ("topdown", {"pixel_error": 1.0, "nodes": 60}),
+        ("dual", {"pixel_error": 1.0}),
+        ("quad", {"triangles": 40_000}),
+    ],
+)
+def test_streaming_settles_on_the_cut_of_loaded_data(terrain, adapt: str, budget: dict[str, float]) -> None:
+    field, store, _ = terrain
+    view, limits = flyover_views(field, 6)[2], _core.Budget(**budget)
+    loaded = store.core.session({"stream": False, "adapt": adapt})
+    session = store.core.session({"stream": True, "adapt": adapt})
+    first, row = session.time_frame(view, limits)
+    assert first.missing_nodes > 0
+    assert row["page_misses"] > 0
+    if "pixel_error" in budget:
+        assert first.predicted_px > 1.0
+        assert not first.budget_met
+    cuts = []
+    for _ in range(12):
+        session.settle()
+        cuts.append(session.time_frame(view, limits)[0])
+    assert cuts[-1].missing_nodes == 0
+    assert chosen(cuts[-1]) == chosen(cuts[-2])
+    if adapt == "topdown":
+        assert chosen(cuts[-1]) == chosen(loaded.select(view, limits))
+    else:  # starts from the last cut: another one, as good
+        for _ in range(12):
+            wanted = loaded.select(view, limits)
+        assert cuts[-1].predicted_px <= max(1.25 * wanted.predicted_px, budget.get("pixel_error", 0.0))
+
+
+@pytest.mark.parametrize("budget", [{"pixel_error": 1.0, "nodes": 100}, {"triangles": 40_000}])
+def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, budget: dict[str, float]) -> None:
+    field, store, instrument = terrain
+    session = store.core.session({"fetch_delay_ms": 200})
+    for view in flyover_views(field, 5, size=(160, 90)):
+        cut, row = session.time_frame(view, _core.Budget(**budget))
+        assert cut.missing_nodes > 0
+        assert row["frame_ms"] < 200  # one read takes as long: this frame did none
+        assert row["nodes"] <= budget.get("nodes", np.inf)
+        assert row["triangles"] <= budget.get("triangles", np.inf)
+        found = instrument.examine(session, cut, view, pictures=False)
+        assert (found.crack_edges, found.hole_samples) == (0, 0)
+
+
+@pytest.mark.parametrize("adapt", ["topdown", "dual", "quad"])
+def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small_tiles, adapt: str) -> None:
+    field, _, instrument = terrain
+    session = small_tiles.core.session({"adapt": adapt, "cpu_cache_mb": 1, "gpu_cache_mb": 1})
+    budget = _core.Budget(triangles=60_000) if adapt == "quad" else _core.Budget(pixel_error=0.4)
+    uploads = 0
+    for view in [*flyover_views(field, 7, size=(160, 90)), *reversed(flyover_views(field, 7, size=(160, 90)))]:
+        for _ in range(3):
+            session.settle()
+            cut, row = session.time_frame(view, budget)
+            uploads += row["upload_bytes"]
+            assert row["resident_bytes"] <= 1 << 20
+        found = instrument.examine(session, cut, view, pictures=False)
+        assert (found.crack_edges, found.hole_samples) == (0, 0)
+        seen = found.measured_px_max
+        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
+    assert uploads > 1.5 * (1 << 20)  # more than there is room for: tiles went again
+
+
+def test_without_streaming_a_cut_larger_than_memory_is_drawn_in_rounds(terrain, small_tiles) -> None:
+    field, _, instrument = terrain
+    view = flyover_views(field, 3)[1]
+    small, large = (small_tiles.core.session({"stream": False, "gpu_cache_mb": mb}) for mb in (1, 64))
+    cut = small.select(view, _core.Budget(pixel_error=0.5))
+    assert cut.missing_nodes == 0
+    assert chosen(cut) == chosen(large.select(view, _core.Budget(pixel_error=0.5)))
+    drawn, row = small.time_frame(view, _core.Budget(pixel_error=0.5))
+    assert row["draw_calls"] > 1
+    assert row["resident_bytes"] <= 1 << 20
+    assert np.array_equal(small.draw(cut, view).image, large.draw(cut, view).image)
+    assert instrument.examine(small, drawn, view, pictures=False).crack_edges == 0
+
+
+def test_caches_smaller_than_the_roots_are_refused_with_the_least_size(terrain) -> None:
+    _, store, _ = terrain
+    for stream in (False, True):
+        with pytest.raises(lod.errors.InvalidInput, match=r"gpu_cache_mb of at least \d+, not 1"):
+            store.core.session({"stream": stream, "gpu_cache_mb": 1})

@@ -17,6 +17,34 @@ int Adapter::finest_wanted(uint32_t id) const {
   return k;
 }
 
+/// Of the tile that a visible node draws from with resolution k: the projected error that the largest node in
+/// it would have at the next coarser one. So it is a function of view and tile, whatever is there, and an
+/// exchange of tiles for others of more worth comes to an end.
+double Adapter::worth(uint32_t id, int k) {
+  const int a = forest_.stride_log2(node(id), k);
+  while (node(id).parent >= 0) {
+    const auto parent = static_cast<uint32_t>(node(id).parent);
+    if (forest_.layout.node_log2(node(parent).level) - a > node(parent).most || !look(parent).visible) break;
+    id = parent;
+  }
+  const int own = forest_.layout.node_log2(node(id).level) - a;
+  return own > node(id).least ? project(id, own - 1) : std::numeric_limits<double>::infinity();
+}
+
+/// A node above the target is split only once the heights are there that it would need itself: they are in
+/// use even where its children make do with less.
+void Adapter::keep_parents(uint32_t id) {
+  for (int32_t parent = node(id).parent; parent >= 0; parent = node(static_cast<uint32_t>(parent)).parent) {
+    const auto at = static_cast<uint32_t>(parent);
+    Spot& spot = look(at);
+    if (spot.kept_in == frames_) break;
+    spot.kept_in = frames_;
+    if (!spot.visible) continue;
+    const int k = first_within(at, frame_.target);
+    paging_->touch(paging_->unit(node(at), k), worth(at, k));
+  }
+}
+
 /// A node is missing heights when its error is above the target; under a budget of triangles, above what the
 /// nodes have come to that could be refined, but for the triangles.
 void Adapter::page() {
@@ -29,11 +57,13 @@ void Adapter::page() {
   for (const uint32_t id : cut_) {
     Spot& spot = spot_[id];
     const Node& n = node(id);
-    const bool worthy = spot.visible && spot.k > n.least;
-    paging_->touch(paging_->unit(n, spot.k), worthy ? project(id, spot.k - 1) : 0.0);
+    // Culled nodes have their least resolution, or what an edge in sight needs.
+    paging_->touch(paging_->unit(n, spot.k),
+                   spot.visible ? worth(id, spot.k) : std::numeric_limits<double>::infinity());
+    if (!local_) keep_parents(id);
     if (!spot.visible || spot.rho <= asked || !frame_.fits) continue;
     const int finest = finest_wanted(id);
-    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), project(id, k - 1));
+    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), worth(id, k));
     if (starved(id) && spot.rho > level) spot.missing_in = frames_;
   }
   for (const Held& held : held_) {
