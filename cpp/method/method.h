@@ -62,7 +62,7 @@ struct CutNode {
   float morph = 1.0f;    ///< 1: its own surface, 0: its parent's
   bool visible = true;   ///< false: outside the frustum, not submitted in pictures
   bool missing = false;  ///< finer data was wanted and is not there yet: this node stands in
-  double error = 0.0;    ///< bound on the distance to the source as drawn (morph, edges included), source units
+  double error = 0.0;  ///< bound on the distance to the source as drawn (morph, edges included), source units
 };
 
 /// What a method selected for a view under a budget. It covers the whole source.

@@ -57,8 +57,8 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
     const Node& node = nodes[id];
     if (residency_.streams()) residency_.touch(id);
     const bool visible = camera.sees(box_of(node));
-    const bool wanted =
-        visible && node.children > 0 && projector.project(node.error, projector.place(node.lo, node.hi)) > tau;
+    const bool wanted = visible && node.children > 0 &&
+                        projector.project(node.error, projector.place(node.lo, node.hi)) > tau;
     if (wanted && refinable(id)) {
       for (uint32_t c = 0; c < node.children; ++c) queue_.push_back(node.first_child + c);
     } else {

@@ -36,20 +36,12 @@ class Tree:
         self.roots = np.flatnonzero(self.parent < 0)
         self.leaves = np.array([i for i, c in enumerate(self.children) if not len(c)])
         self.depth = int(self.level.max())
-        self._error = {
-            (int(i), int(r)): float(e) for i, r, e in zip(nodes["id"], nodes["resolution"], nodes["error"], strict=True)
-        }
         self._steps = [np.flatnonzero((self.level == d) & (self.parent >= 0)) for d in range(1, self.depth + 1)]
 
-    def errors(self, cut_nodes: np.ndarray) -> np.ndarray:
-        """(M,) stored bounds of the rows of `cut.nodes`."""
-        pairs = zip(cut_nodes["node"].tolist(), cut_nodes["resolution"].tolist(), strict=True)
-        return np.array([self._error[pair] for pair in pairs])
-
     def cover(self, cut_nodes: np.ndarray) -> np.ndarray:
-        """(leaves,) the stored bound of the node that covers each leaf in a cut."""
+        """(leaves,) the bound, as drawn, of the node that covers each leaf in a cut."""
         out = np.full(len(self.ids), np.nan)
-        out[np.searchsorted(self.ids, cut_nodes["node"])] = self.errors(cut_nodes)
+        out[np.searchsorted(self.ids, cut_nodes["node"])] = cut_nodes["error"]
         for step in self._steps:
             above = out[self.parent[step]]
             out[step] = np.where(np.isnan(above), out[step], above)
