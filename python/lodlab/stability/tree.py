@@ -26,7 +26,8 @@ class Tree:
         self.parent = np.where(nodes["parent"][first] < 0, -1, np.searchsorted(self.ids, nodes["parent"][first]))
         self.level = nodes["level"][first].astype(int)
         self.low, self.high = nodes["box_min"][first], nodes["box_max"][first]
-        order = np.lexsort((nodes["error"], np.searchsorted(self.ids, nodes["id"])))
+        # Finest first; of equal bounds the larger number of cells.
+        order = np.lexsort((-nodes["resolution"], nodes["error"], np.searchsorted(self.ids, nodes["id"])))
         row = np.searchsorted(self.ids, nodes["id"][order])
         start = np.searchsorted(row, np.arange(len(self.ids)))
         end = np.append(start[1:], len(row)) - 1
