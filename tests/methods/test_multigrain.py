@@ -53,7 +53,12 @@ def test_random_cuts_have_no_crack_and_keep_their_bounds(lab) -> None:
 
 @pytest.mark.parametrize(
     "budget",
-    [{"pixel_error": 1.0}, {"pixel_error": 2.0, "nodes": 40}, {"triangles": 30_000}, {"triangles": 30_000, "nodes": 60}],
+    [
+        {"pixel_error": 1.0},
+        {"pixel_error": 2.0, "nodes": 40},
+        {"triangles": 30_000},
+        {"triangles": 30_000, "nodes": 60},
+    ],
 )
 def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]) -> None:
     field, store, instrument = lab
