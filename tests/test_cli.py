@@ -229,7 +229,17 @@ def test_fly_leaves_a_run_directory(say, store, folder):
 def test_compare_ends_with_the_report(say, folder):
     out = folder / "compare"
     status, text, _ = say(
-        "compare", SOURCE, "--out", out, "--pixel-errors", "1,4", "-o", "chunked.finest_error=0.5", *SMALL
+        "compare",
+        SOURCE,
+        "--out",
+        out,
+        "--methods",
+        "chunked",
+        "--pixel-errors",
+        "1,4",
+        "-o",
+        "chunked.finest_error=0.5",
+        *SMALL,
     )
     assert status == 0
     assert text.strip().splitlines()[-1] == f"report: {out / 'report.html'}"

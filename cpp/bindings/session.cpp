@@ -204,9 +204,10 @@ std::string cut_text(const PyCut& self) {
 void bind_cut(py::module_& m) {
   PYBIND11_NUMPY_DTYPE(CutRow, node, resolution, morph, visible, missing, error);
   py::class_<PyCut, std::shared_ptr<PyCut>>(m, "Cut", "What a method selected for a view under a budget.")
-      .def_property_readonly("nodes", &cut_nodes,
-                             "Structured array node, resolution, morph, visible, missing, error (the bound as "
-                             "drawn, source units): a row per node.")
+      .def_property_readonly(
+          "nodes", &cut_nodes,
+          "Structured array node, resolution, morph, visible, missing, error (the bound as "
+          "drawn, source units): a row per node.")
       .def_property_readonly(
           "triangles", [](const PyCut& c) { return c.cut.triangles; },
           "Triangles of the visible nodes, fillers included.")

@@ -10,7 +10,9 @@ namespace lodlab {
 
 Projection projection_of(const Options& options) {
   const std::string& text = options.text("projection");
-  return text == "paper" ? Projection::kPaper : text == "vertical" ? Projection::kVertical : Projection::kStrict;
+  return text == "paper"      ? Projection::kPaper
+         : text == "vertical" ? Projection::kVertical
+                              : Projection::kStrict;
 }
 
 Projector::Projector(Projection projection, const Camera& camera)

@@ -121,7 +121,8 @@ Forest::Forest(std::shared_ptr<const Store> opened)
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
 }
 
-/// A node's own edges are fewer than its children's: rows are raised to those of the children at equal stride.
+/// A node's own edges are fewer than its children's: rows are raised to those of the children at equal
+/// stride.
 std::vector<NodeInfo> Forest::nodes() const {
   std::vector<NodeInfo> rows;
   rows.reserve(resolution.size());
@@ -139,7 +140,8 @@ std::vector<NodeInfo> Forest::nodes() const {
     const Node& above = node[static_cast<size_t>(n.parent)];
     for (int k = std::max<int>(above.least, n.least + 1); k <= std::min<int>(above.most, n.most + 1); ++k) {
       NodeInfo& row = rows[above.first_resolution + static_cast<uint32_t>(k - above.least)];
-      row.error = std::max(row.error, rows[n.first_resolution + static_cast<uint32_t>(k - 1 - n.least)].error);
+      row.error =
+          std::max(row.error, rows[n.first_resolution + static_cast<uint32_t>(k - 1 - n.least)].error);
     }
   }
   return rows;

@@ -26,7 +26,8 @@ class Tree:
         self.parent = np.where(nodes["parent"][first] < 0, -1, np.searchsorted(self.ids, nodes["parent"][first]))
         self.level = nodes["level"][first].astype(int)
         self.low, self.high = nodes["box_min"][first], nodes["box_max"][first]
-        order = np.lexsort((nodes["error"], np.searchsorted(self.ids, nodes["id"])))
+        # Finest first; of equal bounds the larger number of cells.
+        order = np.lexsort((-nodes["resolution"], nodes["error"], np.searchsorted(self.ids, nodes["id"])))
         row = np.searchsorted(self.ids, nodes["id"][order])
         start = np.searchsorted(row, np.arange(len(self.ids)))
         end = np.append(start[1:], len(row)) - 1
@@ -36,20 +37,12 @@ class Tree:
         self.roots = np.flatnonzero(self.parent < 0)
         self.leaves = np.array([i for i, c in enumerate(self.children) if not len(c)])
         self.depth = int(self.level.max())
-        self._error = {
-            (int(i), int(r)): float(e) for i, r, e in zip(nodes["id"], nodes["resolution"], nodes["error"], strict=True)
-        }
         self._steps = [np.flatnonzero((self.level == d) & (self.parent >= 0)) for d in range(1, self.depth + 1)]
 
-    def errors(self, cut_nodes: np.ndarray) -> np.ndarray:
-        """(M,) stored bounds of the rows of `cut.nodes`."""
-        pairs = zip(cut_nodes["node"].tolist(), cut_nodes["resolution"].tolist(), strict=True)
-        return np.array([self._error[pair] for pair in pairs])
-
     def cover(self, cut_nodes: np.ndarray) -> np.ndarray:
-        """(leaves,) the stored bound of the node that covers each leaf in a cut."""
+        """(leaves,) the bound, as drawn, of the node that covers each leaf in a cut."""
         out = np.full(len(self.ids), np.nan)
-        out[np.searchsorted(self.ids, cut_nodes["node"])] = self.errors(cut_nodes)
+        out[np.searchsorted(self.ids, cut_nodes["node"])] = cut_nodes["error"]
         for step in self._steps:
             above = out[self.parent[step]]
             out[step] = np.where(np.isnan(above), out[step], above)
