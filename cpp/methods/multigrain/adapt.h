@@ -47,7 +47,6 @@ class Adapter {
     uint32_t split_in = 0;    ///< the trade that split it
     uint32_t missing_in = 0;  ///< the frame in which it stands in for what is not there
     uint32_t kept_in = 0;     ///< the frame in which keep_parents() was here
-    uint32_t kept_in = 0;     ///< the frame in which keep_parents() was here
     int8_t k = -1;            ///< resolution; -1: not on the cut
     int8_t most = 0;          ///< the finest one whose heights are there, in frame `seen`
     int8_t stride = 0;        ///< log2, at k
@@ -133,7 +132,7 @@ class Adapter {
   void spend();
 
   // One level of error for all: adapt_level.cpp
-  struct Level {          ///< of a frame, under this view and these budgets
+  struct Level {  ///< of a frame, under this view and these budgets
     double level = 0.0;   ///< pixels; 0: none
     double down = 0.0;    ///< by how much to try a lower one next
     bool finest = false;  ///< all nodes show every sample
@@ -168,7 +167,6 @@ class Adapter {
   // What is there, and what is wanted: adapt_paging.cpp
   int finest_wanted(uint32_t id) const;
   double worth(uint32_t id, int k);
-  void keep_parents(uint32_t id);
   void keep_parents(uint32_t id);
   void page();
 
