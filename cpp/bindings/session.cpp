@@ -296,9 +296,10 @@ void bind_session_class(py::module_& m) {
       "Owns GL objects, caches and the adaptation state of one store; one thread's once it has drawn.")
       .def_property_readonly("options", [](const PySession& s) { return options_to_dict(s.options()); })
       .def("select", &select, view, py::arg("budget") = Budget(), "Picks the cut for a view under a budget.")
-      .def("optimum_px", &optimum_px, view, py::arg("budget") = Budget(),
-           "The smallest largest projected error, pixels, that any cut reaches within the hard budgets, no "
-           "smaller than the pixel error; nan: no cut keeps them, or the method does not know. May take long.")
+      .def(
+          "optimum_px", &optimum_px, view, py::arg("budget") = Budget(),
+          "The smallest largest projected error, pixels, that any cut reaches within the hard budgets, no "
+          "smaller than the pixel error; nan: no cut keeps them, or the method does not know. May take long.")
       .def("cut", &cut_by_hand, py::arg("nodes"), py::arg("resolutions") = py::none(),
            "A cut by hand: nodes that cover the source once. InvalidInput names the first gap or overlap.")
       .def("audit_cuts", &audit_cuts,

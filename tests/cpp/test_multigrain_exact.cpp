@@ -109,7 +109,8 @@ double best_of(const Cuts& cuts, const Exact::Limits& limits) {
 }
 
 /// What a cut costs; it covers every root once.
-std::pair<std::pair<int64_t, int64_t>, double> cost_of(const Made& made, const std::vector<Exact::Choice>& cut) {
+std::pair<std::pair<int64_t, int64_t>, double> cost_of(const Made& made,
+                                                       const std::vector<Exact::Choice>& cut) {
   const auto& nodes = made.forest.node;
   std::vector<int> on(nodes.size(), 0);
   std::pair<int64_t, int64_t> cost{0, 0};
@@ -169,7 +170,8 @@ TEST_CASE("the optimum of 1,000 forests is the best of all their cuts") {
       CHECK(error <= *found);
       CHECK(cost.first <= limits.triangles);
       CHECK(cost.second <= limits.nodes);
-      // No cut within the error and the nodes has fewer triangles; the leanest without limit may have more nodes.
+      // No cut within the error and the nodes has fewer triangles; the leanest without limit may have more
+      // nodes.
       int64_t fewest = std::numeric_limits<int64_t>::max(), leanest = fewest, nodes_of_leanest = 0;
       for (const auto& [other, error_of_other] : all) {
         if (error_of_other > *found) continue;
@@ -228,8 +230,8 @@ TEST_CASE("no queue is better than the optimum, and hard budgets hold") {
       }
     }
     if (own.empty()) continue;
-    MESSAGE(forest->node.size() << " nodes: quad x " << median(own) << " of the optimum; the optimum's cut as drawn x "
-                                << median(drawn));
+    MESSAGE(forest->node.size() << " nodes: quad x " << median(own)
+                                << " of the optimum; the optimum's cut as drawn x " << median(drawn));
   }
 }
 
@@ -253,7 +255,8 @@ TEST_CASE("targets that nodes put out of reach, and views that see nothing") {
   CHECK(nothing.cut(0.0, 1).size() == forest->roots);
 }
 
-TEST_CASE("level: hard budgets hold, a still camera's cut is fixed, and it comes nearer to the optimum than quad") {
+TEST_CASE(
+    "level: hard budgets hold, a still camera's cut is fixed, and it comes nearer to the optimum than quad") {
   Random random(31);
   auto all = forests();
   all.push_back(fractal_forest(1025, 8, 5, 8));
@@ -288,7 +291,8 @@ TEST_CASE("level: hard budgets hold, a still camera's cut is fixed, and it comes
     const View view = flight(*all.back(), i);
     Exact exact(*all.back(), Projection::kStrict, make_camera(view));
     const double best = *exact.least_error({60000, 200});
-    const Cut ours = select(level, Adapt::kLevel, view, budget), theirs = select(quad, Adapt::kQuad, view, budget);
+    const Cut ours = select(level, Adapt::kLevel, view, budget),
+              theirs = select(quad, Adapt::kQuad, view, budget);
     if (best <= 0.0) continue;
     of_level.push_back(ours.predicted_px / best - 1.0);
     of_quad.push_back(theirs.predicted_px / best - 1.0);

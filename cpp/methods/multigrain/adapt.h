@@ -132,7 +132,7 @@ class Adapter {
   void spend();
 
   // One level of error for all: adapt_level.cpp
-  struct Level {  ///< of a frame, under this view and these budgets
+  struct Level {          ///< of a frame, under this view and these budgets
     double level = 0.0;   ///< pixels; 0: none
     double down = 0.0;    ///< by how much to try a lower one next
     bool finest = false;  ///< all nodes show every sample

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Fronts: for each number of nodes the fewest triangles of a subtree, all errors within the one that is tried.
-// A node's front is the sum of its children's, (min, +), with the node itself beside it. A subtree whose
-// leanest and sparsest cuts are equal has one point; points that leave too little to the rest of the forest
-// are dropped. A front has at most as many points as the subtree has leaves, or as there may be nodes, so
-// that all of them together have at most leaves x (2 levels + log2 roots), and take that many x nodes sums.
+// Fronts: for each number of nodes the fewest triangles of a subtree, all errors within the one that is
+// tried. A node's front is the sum of its children's, (min, +), with the node itself beside it. A subtree
+// whose leanest and sparsest cuts are equal has one point; points that leave too little to the rest of the
+// forest are dropped. A front has at most as many points as the subtree has leaves, or as there may be nodes,
+// so that all of them together have at most leaves x (2 levels + log2 roots), and take that many x nodes
+// sums.
 #include "methods/multigrain/exact.h"
 
 #include <algorithm>

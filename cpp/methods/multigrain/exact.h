@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The optimum of a forest for a view and budgets: the smallest largest projected error that any cut with at
-// most so many visible triangles and nodes reaches. Errors are the nodes' own; what coarser neighbours cost is
-// left out, so it is a lower bound for what is drawn.
+// most so many visible triangles and nodes reaches. Errors are the nodes' own; what coarser neighbours cost
+// is left out, so it is a lower bound for what is drawn.
 //
 // Projected errors are finitely many: the smallest that suffices is found by bisection. Whether one does, a
 // dynamic program over the trees tells exactly: for each number of nodes the fewest triangles.

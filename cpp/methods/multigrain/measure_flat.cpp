@@ -177,9 +177,7 @@ class FlatMeasurer : public Measurer {
   float rounded(const Lanes& worst) const {
     return largest(worst) + rounding_;
   }
-  const float* first(const Block& block) const {
-    return field_.row(block.row) + block.col;
-  }
+  const float* first(const Block& block) const { return field_.row(block.row) + block.col; }
 
   /// The samples beside this edge, its own line first.
   void copy(const Block& block, Edge edge, int rows, int cols) {

@@ -63,7 +63,8 @@ std::vector<OptionSpec> option_table() {
        std::string("auto"),
        kDraw,
        "",
-       "How the cut is found: top-down, by dual queues, by the paper's quad-queue, by dual queues at the lowest "
+       "How the cut is found: top-down, by dual queues, by the paper's quad-queue, by dual queues at the "
+       "lowest "
        "level of error within the budget, as the optimum (slow); auto: by what the budget limits.",
        {"auto", "topdown", "dual", "quad", "level", "exact"}},
       {"texels_per_pixel",
