@@ -21,6 +21,9 @@ import pytest
 import lodlab as lod
 from lodlab import instrument, laws, metrics, passes, results
 
+ROOMS = Path(__file__).parents[2] / "cpp" / "methods"
+#: Every method of this core that is no room of the house.
+ADVERSARIES = [m["name"] for m in lod.methods() if not (ROOMS / m["name"]).is_dir()]
 SIZE = (320, 200)
 FOV = 40.0
 MOVING, STILL = "moving", "still"

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-import lodlab as lod
 from lodlab import passes, stability
+
+from .detectors import ADVERSARIES
 
 SOURCE = "fractal:size=129,seed=3"  # adversaries take fields of 16 n + 1 samples a side alone
 SCENES = ("s01", "s05", "s10", "s12", "s15")
 GAP = 20.0  # metres: what cracks and walls are made of
 HONEST = "honest"
-METHODS = [m["name"] for m in lod.methods() if m["name"] not in ("full", "chunked")]
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     """The scenes that each method fails."""
 
     def with_gap(source, method, options, folder: Path, **values):  # noqa: ANN001, ANN202 - as passes.store_for
-        gap = {"gap": GAP} if method in METHODS and method != HONEST else {}
+        gap = {"gap": GAP} if method in ADVERSARIES and method != HONEST else {}
         return real(source, method, {**options, **gap}, folder, **values)
 
     real = passes.store_for
@@ -32,14 +32,14 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
         patch.setattr(passes, "store_for", with_gap)
         patch.setattr(stability, "SCENES", tuple(scenes))
         folder = tmp_path_factory.mktemp("scenes")
-        found = stability.run(folder, methods=METHODS, short=True, progress=False).failed
-    return {method: set(found[found["method"] == method]["scene"]) for method in METHODS}
+        found = stability.run(folder, methods=ADVERSARIES, short=True, progress=False).failed
+    return {method: set(found[found["method"] == method]["scene"]) for method in ADVERSARIES}
 
 
 def test_the_honest_method_fails_no_scene(failed: dict[str, set[str]]) -> None:
     assert failed[HONEST] == set()
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if m != HONEST])
+@pytest.mark.parametrize("method", [m for m in ADVERSARIES if m != HONEST])
 def test_every_adversary_fails_a_scene(failed: dict[str, set[str]], method: str) -> None:
     assert failed[method], f"no scene of {', '.join(SCENES)} caught {method}"
