@@ -13,7 +13,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import stability
-from lodlab.errors import InvalidInput
+from lodlab.errors import InvalidInput, Unsupported
 from lodlab.stability import extremes, fields, motion, rules, structure
 from lodlab.stability.stage import Bench, Figure, NotApplicable, Scene, Stage, Worst
 from lodlab.stability.tree import Tree
@@ -54,8 +54,8 @@ def test_run_leaves_table_page_and_pictures(short: stability.Stability) -> None:
 # ---- verdicts -------------------------------------------------------------------------------------
 
 
-def scene_of(play: Callable[[Stage], Iterator[Figure]], name: str = "s05") -> tuple[Scene, ...]:
-    return (Scene(name, "made for a test", play, ("flat",), ("flat",)),)
+def scene_of(play: Callable[[Stage], Iterator[Figure]], name: str = "s05", variants: bool = False) -> tuple[Scene, ...]:
+    return (Scene(name, "made for a test", play, ("flat",), ("flat",), variants),)
 
 
 def five(stage: Stage) -> Iterator[Figure]:
@@ -118,6 +118,27 @@ def test_a_scene_that_breaks_is_a_failure_that_names_the_error(tmp_path: Path, m
     found = run_one(tmp_path)
     assert list(found.table["verdict"]) == ["pass", "FAIL"]
     assert found.failed["figure"].item() == "RuntimeError: the method fell over"
+
+
+def test_what_a_choice_of_options_refuses_is_not_applicable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def picky(stage: Stage) -> Iterator[Figure]:
+        if stage.resolved_options["cracks"] == "none":
+            raise Unsupported("not with these options")
+        yield Figure("fine", 0.0, "px", 1.0)
+
+    monkeypatch.setattr(stability, "SCENES", scene_of(picky, variants=True))
+    table = stability.run(tmp_path, methods=["chunked"], progress=False).table
+    refused = table["figure"] == "Unsupported: not with these options"
+    assert set(table["verdict"][refused]) == {"not_applicable"} and set(table["verdict"][~refused]) == {"pass"}
+
+
+def test_what_default_options_refuse_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(stage: Stage) -> Iterator[Figure]:
+        raise Unsupported("not at all")
+        yield
+
+    monkeypatch.setattr(stability, "SCENES", scene_of(refused))
+    assert list(run_one(tmp_path).failed["figure"]) == ["Unsupported: not at all"]
 
 
 def test_not_applicable_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core, pictures, results
-from ..errors import InvalidInput
+from ..errors import InvalidInput, Unsupported
 from ..stores import method_table
 from . import fields, rules
 from .scenes import SCENES
@@ -193,6 +193,9 @@ def _play(part: Part, bench: Bench, short: bool, natures: Sequence[rules.Rule]) 
             yield row(figure, *_verdict(part, options, figure, natures))
     except NotApplicable as reason:
         yield row(Figure(str(reason), math.nan, "", math.nan), math.nan, NOT_APPLICABLE)
+    except Unsupported as refusal:  # a choice of options may refuse a budget that the method takes; defaults may not
+        verdict = NOT_APPLICABLE if part.options else FAIL
+        yield row(Figure(f"Unsupported: {refusal}", math.nan, "", math.nan), math.nan, verdict)
     except Exception as error:  # whatever it is: a scene that breaks is the method's failure, not a gap
         text = " ".join(f"{type(error).__name__}: {error}".split())
         yield row(Figure(text, math.nan, "", math.nan), math.nan, FAIL)
