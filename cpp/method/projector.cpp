@@ -8,6 +8,15 @@
 
 namespace lodlab {
 
+OptionSpec projection_option() {
+  return {"projection",
+          std::string("strict"),
+          Stage::kDraw,
+          "",
+          "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
+          {"strict", "vertical", "paper"}};
+}
+
 Projection projection_of(const Options& options) {
   const std::string& text = options.text("projection");
   return text == "paper"      ? Projection::kPaper

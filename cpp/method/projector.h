@@ -12,7 +12,8 @@ namespace lodlab {
 
 enum class Projection { kPaper, kStrict, kVertical };
 
-/// The value of the option `projection`.
+/// The draw option `projection`, and its value.
+OptionSpec projection_option();
 Projection projection_of(const Options& options);
 
 /// Constants are computed once a frame.

@@ -91,9 +91,7 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
     : hierarchy_(std::move(hierarchy)),
       options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
-      residency_(make_residency(hierarchy_, {options.flag("stream"), options.integer("cpu_cache_mb") << 20,
-                                             options.integer("gpu_cache_mb") << 20,
-                                             std::chrono::milliseconds(options.integer("fetch_delay_ms"))})) {
+      residency_(make_residency(hierarchy_, paging_of(options))) {
   projection_ = projection_of(options);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;

@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "base/errors.h"
+#include "method/paging_options.h"
+#include "method/projector.h"
 #include "methods/chunked/chunked.h"
 #include "methods/chunked/hierarchy.h"
 
@@ -14,7 +16,7 @@ namespace {
 
 std::vector<OptionSpec> option_table() {
   using enum Stage;
-  return {
+  std::vector<OptionSpec> table{
       {"finest_error",
        0.0,
        kBuild,
@@ -48,12 +50,7 @@ std::vector<OptionSpec> option_table() {
        {},
        0.01,
        1000.0},
-      {"projection",
-       std::string("strict"),
-       kDraw,
-       "",
-       "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
-       {"strict", "vertical", "paper"}},
+      projection_option(),
       {"morph",
        std::string("true"),
        kDraw,
@@ -66,11 +63,10 @@ std::vector<OptionSpec> option_table() {
        "",
        "Hide cracks between chunks by skirts, or show them.",
        {"skirt", "none"}},
-      {"stream", true, kDraw, "", "Load chunks while flying; false loads all before the first frame.", {}},
-      {"cpu_cache_mb", int64_t{256}, kDraw, "MiB", "Decoded chunks kept in main memory.", {}, 1, 1 << 20},
-      {"gpu_cache_mb", int64_t{1024}, kDraw, "MiB", "Chunks kept on the GPU.", {}, 1, 1 << 20},
-      {"fetch_delay_ms", int64_t{0}, kDraw, "ms", "Delay of every read, to test slow storage.", {}, 0, 60000},
   };
+  add_paging_options(table, {"Load chunks while flying; false loads all before the first frame.",
+                             "Decoded chunks kept in main memory.", "Chunks kept on the GPU."});
+  return table;
 }
 
 class Chunked : public Method {

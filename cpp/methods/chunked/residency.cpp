@@ -20,7 +20,8 @@ int64_t texture_bytes(const Node& node) {
 
 }  // namespace
 
-Residency make_residency(const std::shared_ptr<const ChunkedHierarchy>& hierarchy, const Caches& caches) {
+Residency make_residency(const std::shared_ptr<const ChunkedHierarchy>& hierarchy,
+                         const PagingOptions& caches) {
   const std::vector<Node>& nodes = hierarchy->node;
   Residency::Setup setup;
   int64_t geometry = 0, texture = 0, least = 0, widest = 0;

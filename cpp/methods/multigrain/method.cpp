@@ -3,6 +3,7 @@
 // raising the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched
 // on the GPU. Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture
 // atlas, 2007.
+#include "method/paging_options.h"
 #include "methods/multigrain/adapt.h"
 #include "methods/multigrain/multigrain.h"
 
@@ -12,7 +13,7 @@ namespace {
 
 std::vector<OptionSpec> option_table() {
   using enum Stage;
-  return {
+  std::vector<OptionSpec> table{
       {"chart",
        int64_t{0},
        kBuild,
@@ -53,12 +54,7 @@ std::vector<OptionSpec> option_table() {
        "Errors of the triangles as drawn, or the paper's, of bilinear interpolation, which bound nothing.",
        {"drawn", "bilinear"}},
       {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
-      {"projection",
-       std::string("strict"),
-       kDraw,
-       "",
-       "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
-       {"strict", "vertical", "paper"}},
+      projection_option(),
       {"adapt",
        std::string("auto"),
        kDraw,
@@ -75,18 +71,11 @@ std::vector<OptionSpec> option_table() {
        {},
        0.125,
        8.0},
-      {"stream", true, kDraw, "", "Load heights while flying; false loads what a frame draws before it.", {}},
-      {"cpu_cache_mb", int64_t{256}, kDraw, "MiB", "Decoded heights kept in main memory.", {}, 1, 1 << 20},
-      {"gpu_cache_mb",
-       int64_t{1024},
-       kDraw,
-       "MiB",
-       "Heights kept on the GPU, with the grids.",
-       {},
-       1,
-       1 << 20},
-      {"fetch_delay_ms", int64_t{0}, kDraw, "ms", "Delay of every read, to test slow storage.", {}, 0, 60000},
   };
+  add_paging_options(table,
+                     {"Load heights while flying; false loads what a frame draws before it.",
+                      "Decoded heights kept in main memory.", "Heights kept on the GPU, with the grids."});
+  return table;
 }
 
 class Multigrain : public Method {

@@ -80,9 +80,10 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
   const int path = std::max(layout.block_log2() - 1, 0);  // log2 of the finest stride that is locked
   setup.roots = static_cast<uint32_t>(tiles.count() - tiles.id(path, 0, 0));
   setup.kind = kHeights;
-  setup.stream = options.flag("stream");
-  setup.cpu_bytes = options.integer("cpu_cache_mb") << 20;
-  setup.fetch_delay = std::chrono::milliseconds(options.integer("fetch_delay_ms"));
+  const PagingOptions caches = paging_of(options);
+  setup.stream = caches.stream;
+  setup.cpu_bytes = caches.cpu_bytes;
+  setup.fetch_delay = caches.fetch_delay;
   setup.decode = [tiles](int, int64_t id, Bytes stored) {
     const Tile tile = tiles.at(id);
     std::vector<float> heights(static_cast<size_t>(tile.samples()));
@@ -94,14 +95,13 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
                        std::to_string((least + (1 << 20) - 1) >> 20) + ", not " +
                        std::to_string(given >> 20));
   };
-  const int64_t gpu_bytes = options.integer("gpu_cache_mb") << 20;
   const int64_t beside = bytes_beside_heights(*forest, tiles), least = (setup.roots + path) * slot;
-  if (beside + least > gpu_bytes)
+  if (beside + least > caches.gpu_bytes)
     refuse("the coarsest heights, a path to the finest, and the grids", "gpu_cache_mb", beside + least,
-           gpu_bytes);
+           caches.gpu_bytes);
   const int64_t roots = std::max<int64_t>(setup.roots, 1) * slot;
   if (roots > setup.cpu_bytes) refuse("the coarsest heights", "cpu_cache_mb", roots, setup.cpu_bytes);
-  setup.capacity = std::min(tiles.count(), (gpu_bytes - beside) / slot) * slot;
+  setup.capacity = std::min(tiles.count(), (caches.gpu_bytes - beside) / slot) * slot;
   return setup;
 }
 

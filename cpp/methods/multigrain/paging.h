@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/options.h"
+#include "method/paging_options.h"
 #include "method/residency.h"
 #include "methods/multigrain/hierarchy.h"
 #include "methods/multigrain/tiles.h"
