@@ -24,6 +24,13 @@ def stub_files() -> list[Path]:
     return [*SITE.glob("_core.pyi"), *SITE.glob("_core/**/*.pyi")]
 
 
+def test_start_up_loads_no_package_before_it_is_used():
+    heavy = ("pandas", "matplotlib", "scipy", "skimage", "rasterio", "flip_evaluator")
+    code = f"import sys, lodlab.cli; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_version_is_that_of_pyproject():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert importlib.metadata.version("lodlab") == project["version"]

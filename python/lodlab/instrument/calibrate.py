@@ -13,9 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-from tqdm import tqdm
-
 from .. import _core
 from ..errors import InvalidInput
 from ..heightfield import HeightField
@@ -38,8 +35,8 @@ def all_cases() -> list[Case]:
     return [*sample_cases(), *planet_cases(), *crack_cases(), *pixel_cases()]
 
 
-def calibrate(progress: bool = True) -> pd.DataFrame:
-    """Measures every case: a row per metric and case, in the order of `METRICS`.
+def calibrate(progress: bool = True) -> Any:
+    """Measures every case: a DataFrame, a row per metric and case, in the order of `METRICS`.
 
     Columns: `metric`, `case`, `expected` (the paper value), `returned`, `deviation` (returned less expected; 0
     where both are inf or both nan), `tolerance` (the same unit) and `pass`. Tolerances: 0.1 % of the paper value;
@@ -48,8 +45,11 @@ def calibrate(progress: bool = True) -> pd.DataFrame:
     return calibrate_cases(all_cases(), progress=progress)
 
 
-def calibrate_cases(cases: Sequence[Case], *, progress: bool = False) -> pd.DataFrame:
+def calibrate_cases(cases: Sequence[Case], *, progress: bool = False) -> Any:
     """The table of `calibrate` for these cases. InvalidInput when a case expects a metric that there is not."""
+    import pandas as pd
+    from tqdm.auto import tqdm
+
     rank = {metric.name: i for i, metric in enumerate(METRICS)}
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory(prefix="lodlab-calibrate-") as folder:
