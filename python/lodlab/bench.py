@@ -43,6 +43,7 @@ from .bench_lab import (
     interleaved,
     options_of,
     record,
+    select_case,
 )
 from .errors import InvalidInput
 from .metrics import METRICS, measure
@@ -96,29 +97,21 @@ def _select(lab: Lab) -> Iterable[Record]:
         pixel_error = _pixel_error_for(session, views, 50)
         budget = _core.Budget(pixel_error=pixel_error)
         lab.say(f"select chunked/fractal-{size}")
-        times, chunks = _core.time_select(session, views, budget, 21)
-        scan = _core.time_scan(store, views, pixel_error, 21)
-        per_repeat = np.median(scan, axis=1) / np.median(times, axis=1)
-        ratio, low, high = bootstrap_median(per_repeat)
-        yield record(
-            "select",
+        yield select_case(
             f"chunked/fractal-{size}",
-            float(np.median(times)),
-            "us/frame",
-            reference="test of every chunk without a hierarchy",
-            reference_value=float(np.median(scan)),
-            ratio=ratio,
-            ratio_low=low,
-            ratio_high=high,
-            options=options_of(store, DRAW_OPTIONS),
-            details={
+            session,
+            store,
+            views,
+            budget,
+            "test of every chunk without a hierarchy",
+            pixel_error,
+            DRAW_OPTIONS,
+            lambda times, chunks, store=store, pixel_error=pixel_error: {
                 "chunks_drawn": float(np.median(chunks)),
                 "chunks_drawn_max": int(np.max(chunks)),
                 "chunks_in_store": len(store.nodes),
                 "pixel_error": pixel_error,
                 "p95_us": float(np.percentile(times, 95)),
-                "frames": len(views),
-                "repeats": 21,
             },
         )
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from . import _core, datasets, results
+from . import _core, datasets, results, statistics
 from .errors import InvalidInput
 from .paths import CameraPath
 
@@ -18,6 +18,7 @@ SIZE = (1280, 720)
 SEED = 1
 PAIRS = 41
 REPEATS = 5
+SELECT_REPEATS = 21
 
 Record = dict[str, Any]
 Say = Callable[[str], None]
@@ -56,7 +57,7 @@ class Lab:
 # ---- statistics -----------------------------------------------------------------------------------
 
 
-def bootstrap_median(samples: np.ndarray, *, rounds: int = 4000, seed: int = SEED) -> tuple[float, float, float]:
+def bootstrap_median(samples: np.ndarray) -> tuple[float, float, float]:
     """Median of ``samples`` (N,) and the ends of its percentile bootstrap 95 % interval.
 
     Raises:
@@ -65,8 +66,7 @@ def bootstrap_median(samples: np.ndarray, *, rounds: int = 4000, seed: int = SEE
     samples = np.asarray(samples, dtype=np.float64)
     if samples.ndim != 1 or samples.size < 5:
         raise InvalidInput(f"bootstrap_median: {samples.shape} samples; a median needs at least 5 in one dimension")
-    draws = np.random.default_rng(seed).integers(0, samples.size, (rounds, samples.size))
-    low, high = np.percentile(np.median(samples[draws], axis=1), [2.5, 97.5])
+    low, high = statistics.median_intervals(samples[None, :, None])[:, 0]
     return float(np.median(samples)), float(low), float(high)
 
 
@@ -119,6 +119,37 @@ def device() -> str:
 def options_of(store: Any, draw: dict[str, Any]) -> str:
     """Build and draw options as text, every default written out."""
     return results.options_text({**store.options, **_core.resolve_options(store.method, "draw", draw)})
+
+
+def select_case(
+    case: str,
+    session: Any,
+    store: Any,
+    views: Sequence[Any],
+    budget: Any,
+    reference: str,
+    scanned_px: float,
+    options: dict[str, Any],
+    details: Callable[[np.ndarray, np.ndarray], dict[str, Any]],
+) -> Record:
+    """A record of `select`: microseconds a frame beside a scan at `scanned_px`. `details` is given (repeats, frames)
+    times and the nodes that each frame draws."""
+    times, nodes = _core.time_select(session, views, budget, SELECT_REPEATS)
+    scan = _core.time_scan(store, views, scanned_px, SELECT_REPEATS)
+    ratio, low, high = bootstrap_median(np.median(scan, axis=1) / np.median(times, axis=1))
+    return record(
+        "select",
+        case,
+        float(np.median(times)),
+        "us/frame",
+        reference=reference,
+        reference_value=float(np.median(scan)),
+        ratio=ratio,
+        ratio_low=low,
+        ratio_high=high,
+        options=options_of(store, options),
+        details={**details(times, nodes), "frames": len(views), "repeats": SELECT_REPEATS},
+    )
 
 
 def draw_case(case: str, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from .bench_lab import (
     interleaved,
     options_of,
     record,
+    select_case,
 )
 from .datasets import fractal_window
 from .heightfield import DEFAULT_SPACING, HeightField
@@ -86,35 +88,28 @@ def select(lab: Lab) -> Iterable[Record]:
         limits = {"triangles": TRIANGLES} if adapt == "quad" else {"pixel_error": pixel_error}
         budget = _core.Budget(nodes=NODES, **limits)
         lab.say(f"select multigrain/earth-planet/{adapt}")
-        times, nodes = _core.time_select(session, views, budget, 21)
-        scan = _core.time_scan(store, views, 1.0, 21)
-        ratio, low, high = bootstrap_median(np.median(scan, axis=1) / np.median(times, axis=1))
-        cuts = [session.select(view, budget) for view in views]
-        yield record(
-            "select",
-            f"multigrain/earth-planet/{adapt}",
-            float(np.median(times)),
-            "us/frame",
-            reference="test of every node at every resolution without a hierarchy",
-            reference_value=float(np.median(scan)),
-            ratio=ratio,
-            ratio_low=low,
-            ratio_high=high,
-            options=options_of(store, options),
-            details={
-                "p99_us": float(np.percentile(times, 99)),
-                "p99_of_frames_us": float(np.percentile(np.median(times, axis=0), 99)),
-                "first_frame_us": float(np.median(times[:, 0])),
-                "budget": limits | {"nodes": NODES},
-                "nodes_drawn": float(np.median(nodes)),
-                "nodes_drawn_max": int(np.max(nodes)),
-                "triangles": float(np.median([cut.triangles for cut in cuts])),
-                "triangles_max": max(cut.triangles for cut in cuts),
-                "predicted_px": float(np.median([cut.predicted_px for cut in cuts])),
-                "frames": len(views),
-                "repeats": 21,
-            },
-        )
+        details = partial(_select_details, session, views, budget, limits)
+        scanned = "test of every node at every resolution without a hierarchy"
+        case = f"multigrain/earth-planet/{adapt}"
+        yield select_case(case, session, store, views, budget, scanned, 1.0, options, details)
+
+
+def _select_details(
+    session: Any, views: list[Any], budget: Any, limits: dict[str, float], times: np.ndarray, nodes: np.ndarray
+) -> dict[str, Any]:
+    """What stands in a record of `select` beside its figures; the cuts are selected again, after the timing."""
+    cuts = [session.select(view, budget) for view in views]
+    return {
+        "p99_us": float(np.percentile(times, 99)),
+        "p99_of_frames_us": float(np.percentile(np.median(times, axis=0), 99)),
+        "first_frame_us": float(np.median(times[:, 0])),
+        "budget": limits | {"nodes": NODES},
+        "nodes_drawn": float(np.median(nodes)),
+        "nodes_drawn_max": int(np.max(nodes)),
+        "triangles": float(np.median([cut.triangles for cut in cuts])),
+        "triangles_max": max(cut.triangles for cut in cuts),
+        "predicted_px": float(np.median([cut.predicted_px for cut in cuts])),
+    }
 
 
 # ---- build ----------------------------------------------------------------------------------------
