@@ -62,7 +62,8 @@ SampleError sample_error(const HeightField& field, const DrawnSurface& surface) 
 
 double sample_error_px(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
                        const Camera& camera) {
-  // -1 says that no sample of the row is inside the frustum. Once one is, exact samples need no test.
+  // -1 says that no sample of the row is in view. Once one is, exact samples need no test.
+  const InView in_view(field, camera);
   const auto rows = per_row<double>(field, [&](int64_t row) {
     double worst = -1.0;
     for (int64_t col = 0; col < field.cols; ++col) {
@@ -70,7 +71,7 @@ double sample_error_px(const HeightField& field, const SampleGrid& grid, const D
       if (worst >= 0.0 && deviation == 0.0) continue;
       if (!field.is_valid(row, col)) continue;
       const glm::dvec3 sample = grid.relative(row, col, grid.height(field, row, col), camera.eye);
-      if (!in_frustum(camera, sample)) continue;
+      if (!in_view(sample)) continue;
       if (std::isnan(deviation)) return kInfinite;
       const glm::dvec3 drawn = sample + deviation * grid.up(row, col);
       worst = std::max(worst, screen_distance(camera, sample, drawn));
@@ -84,6 +85,7 @@ double sample_error_px(const HeightField& field, const SampleGrid& grid, const D
 double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
                     const DrawnSurface& after, const Camera& camera) {
   // -1 says that no sample of the row qualifies.
+  const InView in_view(field, camera);
   const auto rows = per_row<double>(field, [&](int64_t row) {
     double worst = -1.0;
     for (int64_t col = 0; col < field.cols; ++col) {
@@ -92,7 +94,7 @@ double surface_jump(const HeightField& field, const SampleGrid& grid, const Draw
       const double from = before.deviation(index), to = after.deviation(index);
       if (worst >= 0.0 && from == to) continue;
       const glm::dvec3 sample = grid.relative(row, col, grid.height(field, row, col), camera.eye);
-      if (!in_frustum(camera, sample)) continue;
+      if (!in_view(sample)) continue;
       const glm::dvec3 up = grid.up(row, col);
       worst = std::max(worst, screen_distance(camera, sample + from * up, sample + to * up));
     }

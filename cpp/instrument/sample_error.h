@@ -23,14 +23,14 @@ struct SampleError {
 /// Without projection: the whole cut.
 SampleError sample_error(const HeightField& field, const DrawnSurface& surface);
 
-/// The largest screen distance, pixels, between a non-void sample inside the frustum (hidden or not) and
-/// its correspondent: the drawn point at the same horizontal position, on planets in the same direction.
-/// inf when a sample inside the frustum is a hole; nan when no sample is inside it.
+/// The largest screen distance, pixels, between a non-void sample in view (InView; by other ground hidden or
+/// not) and its correspondent: the drawn point at the same horizontal position, on planets in the same
+/// direction. inf when a sample in view is a hole; nan when none is in view.
 double sample_error_px(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
                        const Camera& camera);
 
 /// The largest screen distance, pixels, by which the drawn surface jumps from `before` to `after` at the
-/// non-void samples inside the frustum that both cover; nan when there are none.
+/// non-void samples in view that both cover; nan when there are none.
 double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
                     const DrawnSurface& after, const Camera& camera);
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Distances on the screen, and which points it sees.
+// Distances on the screen, and which points count there.
 #pragma once
 
 #include <limits>
 
+#include "geometry/height_field.h"
+#include "geometry/horizon.h"
 #include "geometry/view.h"
 
 namespace lodlab::instrument {
@@ -15,6 +17,23 @@ inline bool in_frustum(const Camera& camera, const glm::dvec3& relative) {
   }
   return camera.depth(relative) >= camera.near_plane;
 }
+
+/// Which samples of a source may be seen in a view: those inside the frustum. On a planet not those beyond its
+/// horizon: their way to the eye passes through the sphere below which no sample lies. It is the source's own,
+/// whatever draws it. A method may leave out what a smaller sphere hides from it.
+class InView {
+ public:
+  InView(const FieldFrame& source, const Camera& camera)
+      : camera_(camera), horizon_(source.planet ? source.radius + source.z_min : 0.0, camera.eye) {}
+  /// A sample, relative to the eye.
+  bool operator()(const glm::dvec3& relative) const {
+    return in_frustum(camera_, relative) && !horizon_.hides(relative);
+  }
+
+ private:
+  const Camera& camera_;
+  Horizon horizon_;
+};
 
 /// Pixels between two points relative to the eye. A point behind the near plane is clamped to it along
 /// the segment; when both are behind it, nothing of the segment can be seen and the distance is 0.

@@ -95,7 +95,7 @@ _COMPARES = "against the full-resolution reference; nan without one"
 _NO_OPTIMUM = "nan where the method knows no optimum or a hard budget is broken, below 0 within a pixel error"
 METRICS: tuple[Metric, ...] = (
     _core("predicted_px", "px", "The method's claim: the largest projected bound among visible nodes."),
-    _core("measured_px_max", "px", f"Largest screen error over source samples in the frustum; {_SEES_NOTHING}."),
+    _core("measured_px_max", "px", f"Largest screen error over source samples in view; {_SEES_NOTHING}."),
     _core("measured_px_p99", "px", f"Screen error that 99 % of the reference's pixels keep to; {_SEES_NOTHING}."),
     _core("measured_px_rms", "px", f"Root mean square over the reference's pixels; {_SEES_NOTHING}."),
     _core("measured_max", "source units", "Largest distance over all source samples, without projection."),

@@ -1,17 +1,35 @@
 // SPDX-License-Identifier: MIT
-// A vertex of a node's grid, stitched to coarser neighbours. Its height comes as an attribute; only a vertex that
-// stitching moves looks up another one. Which vertex it is follows from its place in the tile (grids.h).
+// A vertex of a node's grid, stitched to coarser neighbours. Its height, on a planet its position on the lattice
+// (lattice.h), comes as an attribute; only a vertex that stitching moves looks up another one. Which vertex it is
+// follows from its place in the tile (grids.h).
 #include "common/position.glsl"
 #include "common/surface_out.glsl"
 
-layout(location = 0) in float a_height;
-layout(location = 1) in ivec4 a_place;  // first column and row; index of its height; rows of the tile
+#ifdef LODLAB_PLANET
+#define Vertex ivec4
+uniform ivec3 u_eye_cell;  // the eye on the lattice
+uniform vec3 u_eye_rest;   // what it is beyond that cell, source units
+uniform vec2 u_lattice;    // a cell, a step: powers of two
+
+/// Differences of cells are exact, and so are products.
+vec3 relative_position(ivec2 col_row, Vertex at) {
+  ivec3 steps = ivec3(at.w, at.w >> 10, at.w >> 20) & 1023;
+  precise vec3 relative = vec3(at.xyz - u_eye_cell) * u_lattice.x + (vec3(steps) * u_lattice.y - u_eye_rest);
+  return relative;
+}
+#else
+#define Vertex float
+vec3 relative_position(ivec2 col_row, Vertex at) { return surface_position(col_row, at); }
+#endif
+
+layout(location = 0) in Vertex a_vertex;
+layout(location = 1) in ivec4 a_place;  // first column and row; index of its vertex; rows of the tile
 layout(location = 2) in uvec2 a_tag;    // node; level << 16 | log2 of its side << 8 | log2 of its stride
 #ifdef LODLAB_ATTRIBUTE
 layout(location = 3) in vec4 a_colors;  // u and v of its first sample; from one sample to the next; layer
 #endif
 
-layout(std430, binding = 3) readonly buffer Heights { float heights[]; };
+layout(std430, binding = 3) readonly buffer Vertices { Vertex vertices[]; };
 layout(std430, binding = 4) readonly buffer Strides { uint strides[]; };  // a byte a block
 
 uniform ivec2 u_last;    // column and row
@@ -37,13 +55,13 @@ void main() {
   StitchVertex at = stitch(node, i, j, field);
   int a = node.stride_log2, up = (1 << a) - 1;  // a clamped vertex is the tile's last
   int to_i = (at.col - node.col + up) >> a, to_j = (at.row - node.row + up) >> a;
-  float height = a_height;
+  Vertex own = a_vertex;
   if (to_i != i || to_j != j) {
     int to_strip = (max(to_i, 1) - 1) >> 4;  // the last column of one rather than the first of the next
-    height = heights[a_place.z + (to_strip * a_place.w + to_j) * kPitch + to_i - (to_strip << 4)];
+    own = vertices[a_place.z + (to_strip * a_place.w + to_j) * kPitch + to_i - (to_strip << 4)];
   }
   ivec2 cell = ivec2(at.col, at.row);
-  emit_surface(surface_position(cell, height), surface_grid(cell), a_tag.x, a_tag.y >> 16, false);
+  emit_surface(relative_position(cell, own), surface_grid(cell), a_tag.x, a_tag.y >> 16, false);
 #ifdef LODLAB_ATTRIBUTE
   v_attribute = vec3(a_colors.xy + vec2(cell - a_place.xy) * a_colors.z, a_colors.w);
 #endif

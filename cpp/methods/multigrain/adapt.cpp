@@ -131,6 +131,7 @@ Adapter::Spot& Adapter::look(uint32_t id) {
   } else {
     spot.visible = true;
   }
+  if (forest_.occluder.radius > 0.0 && horizon_.hides(forest_.occluder.nodes[id])) spot.visible = false;
   if (spot.visible) spot.place = projector_.place(n.lo, n.hi);
   return spot;
 }

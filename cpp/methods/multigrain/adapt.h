@@ -174,6 +174,7 @@ class Adapter {
   Projection projection_;
   Paging* paging_;
   Projector projector_;
+  Horizon horizon_{0.0, glm::dvec3(0.0)};
   Frame frame_;
   uint32_t frames_ = 0, trades_ = 0;
   std::vector<Spot> spot_;

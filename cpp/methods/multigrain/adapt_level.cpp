@@ -51,10 +51,11 @@ double Adapter::drawn_worst() const {
   return worst;
 }
 
+/// Of the nodes that do not show every sample: 0 when all do.
 double Adapter::own_worst() const {
   double worst = 0.0;
   for (const uint32_t id : cut_) {
-    if (spot_[id].k >= 0) worst = std::max(worst, spot_[id].rho);
+    if (spot_[id].k >= 0 && spot_[id].stride > 0) worst = std::max(worst, spot_[id].rho);
   }
   return worst;
 }
@@ -63,7 +64,7 @@ double Adapter::own_worst() const {
 /// answer, and 0 the level, when it is what is wanted.
 double Adapter::first_level(double wanted) {
   double high = attempt_quad(wanted);
-  if (high <= wanted) return 0.0;
+  if (high <= wanted || own_worst() <= 0.0) return 0.0;
   double low = std::max(wanted, 0.3 * own_worst());
   for (int i = 0; i < kBisections; ++i) {
     const double middle = low > 0.0 ? std::sqrt(low * high) : 0.5 * high;

@@ -16,6 +16,7 @@
 #include "gl/vertex_array.h"
 #include "methods/multigrain/color_memory.h"
 #include "methods/multigrain/grids.h"
+#include "methods/multigrain/lattice.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tile_memory.h"
 #include "render/field_resources.h"
@@ -62,7 +63,12 @@ struct MultigrainSession::Gpu {
 
   Gpu(const Forest& forest, Paging& pages, double texels_per_pixel)
       : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
-    arrays.floats(0, 0, 1, GL_FLOAT, 0);
+    if (forest.frame.planet) {
+      lattice.emplace(forest.frame);
+      arrays.integers(0, 0, 4, GL_INT, 0);
+    } else {
+      arrays.floats(0, 0, 1, GL_FLOAT, 0);
+    }
     arrays.integers(1, 1, 4, GL_INT, 0);
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
@@ -81,6 +87,7 @@ struct MultigrainSession::Gpu {
   std::shared_ptr<const render::FieldResources> field;
   Paging& paging;
   TileMemory tiles;
+  std::optional<Lattice> lattice;  ///< of a planet
   Grids grids;
   gl::Buffer indices{0}, instances{0}, commands{0}, strides{0};
   gl::VertexArray arrays;
@@ -161,7 +168,14 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
               static_cast<GLint>(layout.last_row()));
   glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
               layout.block_log2(), layout.wraps ? 1 : 0, layout.pole_first + 2 * layout.pole_last);
-  arrays.source(0, tiles.part(batch.part), 0, sizeof(float));
+  if (lattice) {
+    const Lattice::Eye eye = lattice->eye(pass.camera().eye);
+    glUniform3i(glGetUniformLocation(name, "u_eye_cell"), eye.cell.x, eye.cell.y, eye.cell.z);
+    glUniform3f(glGetUniformLocation(name, "u_eye_rest"), eye.rest.x, eye.rest.y, eye.rest.z);
+    glUniform2f(glGetUniformLocation(name, "u_lattice"), static_cast<float>(lattice->cell()),
+                static_cast<float>(lattice->quantum()));
+  }
+  arrays.source(0, tiles.part(batch.part), 0, static_cast<int>(paging.vertex_bytes()));
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeights, tiles.part(batch.part).id());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrides, strides.id());
   arrays.bind();

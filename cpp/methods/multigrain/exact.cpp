@@ -20,10 +20,12 @@ constexpr int64_t kNever = int64_t{1} << 60;  // what no cut reaches; four of th
 Exact::Exact(const Forest& forest, Projection projection, const Camera& camera)
     : forest_(forest), visible_(forest.node.size(), 0), pixels_(forest.resolution.size(), 0.0) {
   const Projector projector(projection, camera);
+  const Horizon horizon(forest.occluder.radius, camera.eye);
   for (size_t id = 0; id < forest.node.size(); ++id) {
     const Node& n = forest.node[id];
-    if (n.parent >= 0 && !visible_[static_cast<size_t>(n.parent)]) continue;  // boxes nest
-    visible_[id] = camera.sees({{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}});
+    if (n.parent >= 0 && !visible_[static_cast<size_t>(n.parent)]) continue;  // boxes and cones nest
+    visible_[id] = camera.sees({{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}) &&
+                   !(forest.occluder.radius > 0.0 && horizon.hides(forest.occluder.nodes[id]));
     if (!visible_[id]) continue;
     const Projector::Place place = projector.place(n.lo, n.hi);
     for (int k = n.least; k <= n.most; ++k) {

@@ -6,6 +6,7 @@
 
 #include "base/errors.h"
 #include "method/sample_code.h"
+#include "methods/multigrain/lattice.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tiles.h"
@@ -118,6 +119,7 @@ Forest::Forest(std::shared_ptr<const Store> opened)
       errors.strips.size() != blocks * 4 * pairs)
     throw StoreError("multigrain: " + store->path() + " does not hold the errors of its blocks");
   check_linked(*this, store->path());
+  if (frame.planet) occluder = make_occluder(*this);
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
 }
 
@@ -161,6 +163,8 @@ int64_t Forest::vertices() const {
   }
   return sum + layout.pole_first + layout.pole_last;
 }
+
+double Forest::quantum() const { return frame.planet ? Lattice(frame).quantum() : 0.0; }
 
 std::unique_ptr<Session> Forest::session(const Options& draw_options) const {
   return std::make_unique<MultigrainSession>(shared_from_this(), draw_options);

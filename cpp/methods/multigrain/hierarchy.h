@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "geometry/horizon.h"
 #include "method/method.h"
 #include "methods/multigrain/errors.h"
 #include "methods/multigrain/layout.h"
@@ -27,6 +28,12 @@ struct Resolution {
   uint32_t triangles;  ///< those that are there: clamped and polar ones left out
 };
 
+/// What hides nodes of a planet, wherever they are and whatever is drawn: a sphere below all that any cut draws.
+struct Occluder {
+  double radius = 0.0;      ///< 0: none
+  std::vector<Cone> nodes;  ///< round all that each is drawn with and the samples there, raised (Horizon)
+};
+
 /// Which stride is drawn where: log2 of the stride of the node that covers each block.
 using StrideMap = std::vector<uint8_t>;
 
@@ -36,7 +43,8 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   explicit Forest(std::shared_ptr<const Store> store);
 
   std::vector<NodeInfo> nodes() const override;
-  double quantum() const override { return 0.0; }
+  /// Of a planet's positions (lattice.h).
+  double quantum() const override;
   int64_t vertices() const override;
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
@@ -63,6 +71,7 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   std::vector<Node> node;
   std::vector<Resolution> resolution;
   uint32_t roots = 0;
+  Occluder occluder;
 };
 
 }  // namespace lodlab::multigrain

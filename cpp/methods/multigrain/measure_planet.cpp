@@ -6,6 +6,8 @@
 // A planet's last column of blocks may be clamped and yet have neighbours on both sides. With an odd number
 // of cells the diagonal of its corner cells misses the corner, or one cell has two snapped edges: there all
 // pairs of snapped edges are measured, and raise the strip of the coarser one.
+//
+// Vertices are drawn on a lattice (lattice.h): every error has what that can add to it, seen along a ray.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +15,7 @@
 #include <limits>
 #include <vector>
 
+#include "methods/multigrain/lattice.h"
 #include "methods/multigrain/measure.h"
 #include "multigrain/stitch.h"
 
@@ -71,7 +74,11 @@ double half_cosine(const FieldFrame& frame, int columns) {
 class PlanetMeasurer : public Measurer {
  public:
   PlanetMeasurer(const HeightRows& field, const Layout& layout)
-      : field_(field), layout_(layout), log2_(layout.block_log2()), top_(layout.largest_stride_log2()) {}
+      : field_(field),
+        layout_(layout),
+        log2_(layout.block_log2()),
+        top_(layout.largest_stride_log2()),
+        lattice_error_(Lattice(field).error()) {}
 
   void measure(const Block& block, float, float, float* own, float* strips) override {
     load(block);
@@ -80,7 +87,7 @@ class PlanetMeasurer : public Measurer {
       float& value = strips[edge * pairs + BlockErrors::pair(a, b)];
       value = std::max(value, error);
     };
-    for (int a = 1; a <= top_; ++a) own[a] = measure_cells(a, {a, a, a, a}, 0, cells_x(a), 0, cells_y(a));
+    for (int a = 0; a <= top_; ++a) own[a] = measure_cells(a, {a, a, a, a}, 0, cells_x(a), 0, cells_y(a));
     for (int a = 0; a < top_; ++a) {
       const int nx = cells_x(a), ny = cells_y(a);
       for (const Edge edge : {kNorth, kEast, kSouth, kWest}) {
@@ -192,9 +199,19 @@ class PlanetMeasurer : public Measurer {
 
   void measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const;
 
+  /// How far along a ray the plane of a triangle moves at most, when its corners go to the lattice: where a ray
+  /// meets it, the surface moves by no more than they do, e, and e / cosine(normal, ray) along the ray. `normal` is
+  /// the length of the cross product of two sides, `along` its component along any ray that meets the triangle.
+  double moved_by_lattice(const glm::dvec3& u, const glm::dvec3& v, double normal, double along) const {
+    const double e = lattice_error_, turned = 2.0 * e * (glm::length(u) + glm::length(v) + 2.0 * e);
+    if (!(along > turned)) return std::numeric_limits<double>::infinity();
+    return e * (normal + turned) / (along - turned);
+  }
+
   const HeightRows& field_;
   const Layout layout_;
   const int log2_, top_;
+  const double lattice_error_;
   // The block that was loaded; tables of rows start `above_` rows before it.
   int width_ = 0, height_ = 0, above_ = 0, below_ = 0;
   int64_t row0_ = 0;
@@ -225,9 +242,13 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   volume *= sign;
   const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
                                sign * glm::cross(p[0], u)};
+  const auto [nearest, farthest] =
+      std::minmax({radius(corners[0]), radius(corners[1]), radius(corners[2])});
+  const double lattice = moved_by_lattice(u, v, glm::length(normal), volume / farthest);
   double slack[3];
   for (int i = 0; i < 3; ++i)
-    slack[i] = kOnEdge * (std::abs(edges[i].x) + std::abs(edges[i].y) + std::abs(edges[i].z));
+    slack[i] = (kOnEdge + 2.0 * lattice_error_ / nearest) *
+               (std::abs(edges[i].x) + std::abs(edges[i].y) + std::abs(edges[i].z));
   const auto [left, right] = std::minmax({corners[0].col, corners[1].col, corners[2].col});
   auto [top, bottom] = std::minmax({corners[0].row, corners[1].row, corners[2].row});
   // A great circle between two places south of a parallel stays south of the arc between two places on it.
@@ -249,7 +270,7 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
     line.set(3, normal, lat_[r], 0.0);
     const double error = row_error(line, cosine_.data() + skip, sine_.data() + skip,
                                    radius_.data() + r * cosine_.size() + skip, right - left + 1);
-    worst = std::max(worst, error);
+    worst = std::max(worst, error + lattice);
   }
 }
 

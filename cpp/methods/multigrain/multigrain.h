@@ -23,6 +23,9 @@ Layout choose_layout(const FieldFrame& frame, const Options& options);
 /// The nodes of a layout, breadth first over all charts, without bounds; each offers all its resolutions.
 std::vector<Node> make_nodes(const Layout& layout);
 
+/// Of a planet's forest.
+Occluder make_occluder(const Forest& forest);
+
 /// Triangles of a grid: two a cell, one beside a pole.
 int64_t triangle_count(const Layout& layout, const Node& node, int resolution);
 

@@ -7,19 +7,19 @@
 #include "base/errors.h"
 #include "method/sample_code.h"
 #include "methods/multigrain/grids.h"
+#include "methods/multigrain/lattice.h"
 #include "methods/multigrain/multigrain.h"
 
 namespace lodlab::multigrain {
 namespace {
 
-/// Heights of a tile on the GPU: whole strips (grids.h).
-int64_t strip_bytes(const Tile& tile) {
-  return strips(tile.cols) * tile.rows * kStripPitch * static_cast<int64_t>(sizeof(float));
-}
+/// Vertices of a tile on the GPU: whole strips (grids.h).
+int64_t strip_vertices(const Tile& tile) { return strips(tile.cols) * tile.rows * kStripPitch; }
 
-/// A tile's heights, row by row, put into strips. What lies past the last strip's end is never drawn.
-Bytes in_strips(const Tile& tile, const std::vector<float>& rows) {
-  std::vector<float> out(static_cast<size_t>(strip_bytes(tile)) / sizeof(float));
+/// A tile's vertices, row by row, put into strips. What lies past the last strip's end is never drawn.
+template <class Vertex>
+Bytes in_strips(const Tile& tile, const std::vector<Vertex>& rows) {
+  std::vector<Vertex> out(static_cast<size_t>(strip_vertices(tile)));
   auto to = out.begin();
   for (int64_t first = 0; first + 1 < tile.cols; first += kStrip) {
     const int64_t count = std::min(kStripPitch, tile.cols - first);
@@ -29,6 +29,11 @@ Bytes in_strips(const Tile& tile, const std::vector<float>& rows) {
   }
   const auto bytes = as_bytes(out);
   return Bytes(bytes.begin(), bytes.end());
+}
+
+/// A height, or a position on a planet's lattice.
+int64_t bytes_of_vertex(const FieldFrame& frame) {
+  return static_cast<int64_t>(frame.planet ? sizeof(Lattice::Position) : sizeof(float));
 }
 
 /// Places at which nodes of a level begin along one axis, one for each kind of grid that can occur there: at
@@ -75,7 +80,8 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
   const Layout& layout = forest->layout;
   Residency::Setup setup;
   int64_t slot = 0;
-  for (int64_t id = 0; id < tiles.count(); ++id) slot = std::max(slot, strip_bytes(tiles.at(id)));
+  for (int64_t id = 0; id < tiles.count(); ++id) slot = std::max(slot, strip_vertices(tiles.at(id)));
+  slot *= bytes_of_vertex(forest->frame);
   for (int64_t id = tiles.count(); id-- > 0;) setup.units.push_back({id, slot});
   const int path = std::max(layout.block_log2() - 1, 0);  // log2 of the finest stride that is locked
   setup.roots = static_cast<uint32_t>(tiles.count() - tiles.id(path, 0, 0));
@@ -84,10 +90,11 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
   setup.stream = caches.stream;
   setup.cpu_bytes = caches.cpu_bytes;
   setup.fetch_delay = caches.fetch_delay;
-  setup.decode = [tiles](int, int64_t id, Bytes stored) {
+  setup.decode = [tiles, frame = forest->frame](int, int64_t id, Bytes stored) {
     const Tile tile = tiles.at(id);
     std::vector<float> heights(static_cast<size_t>(tile.samples()));
     decode_samples(stored, heights.data(), static_cast<int64_t>(heights.size()));
+    if (frame.planet) return in_strips(tile, Lattice(frame).positions(tiles, tile, heights));
     return in_strips(tile, heights);
   };
   const auto refuse = [](const std::string& what, const char* option, int64_t least, int64_t given) {
@@ -114,6 +121,7 @@ Paging::Paging(const std::shared_ptr<const Forest>& forest, Residency::Setup set
     : forest_(forest),
       tiles_(forest->layout),
       slot_bytes_(setup.units[0].bytes),
+      vertex_bytes_(bytes_of_vertex(forest->frame)),
       roots_(setup.roots),
       parent_(setup.units.size()),
       residency_(forest->store, std::move(setup)) {

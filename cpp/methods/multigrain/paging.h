@@ -27,6 +27,8 @@ class Paging {
   const Tiles& tiles() const { return tiles_; }
   /// All tiles take the same room in the buffer, so that it can be parted anywhere between two.
   int64_t slot_bytes() const { return slot_bytes_; }
+  /// Of a vertex in it: a height, on a planet a position (lattice.h).
+  int64_t vertex_bytes() const { return vertex_bytes_; }
 
   /// Units count tiles from the last one, so that parents come first.
   uint32_t unit(const Node& n, int k) const {
@@ -66,7 +68,7 @@ class Paging {
 
   std::shared_ptr<const Forest> forest_;
   Tiles tiles_;
-  int64_t slot_bytes_;
+  int64_t slot_bytes_, vertex_bytes_;
   uint32_t roots_;
   std::vector<uint32_t> parent_;
   Residency residency_;

@@ -33,7 +33,7 @@ void TileMemory::put(const Residency::Upload& upload, render::Submitted& submitt
 TileMemory::Place TileMemory::place(const Paging& paging, uint32_t unit, int64_t row, int64_t col) const {
   const Tile tile = paging.tile(unit);
   const int64_t offset = paging.residency().offset(unit), index = offset / part_bytes_;
-  const int64_t first = (offset - index * part_bytes_) / static_cast<int64_t>(sizeof(float));
+  const int64_t first = (offset - index * part_bytes_) / paging.vertex_bytes();
   const int64_t j = (row - tile.row) >> tile.stride_log2, i = (col - tile.col) >> tile.stride_log2;
   return {static_cast<size_t>(index), first + (i / kStrip * tile.rows + j) * kStripPitch + i % kStrip,
           tile.rows};

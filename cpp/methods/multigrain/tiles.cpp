@@ -17,7 +17,7 @@ Tile Tiles::at(int64_t id) const {
 }
 
 void Tiles::fill(const HeightRows& band, const Tile& tile, float* heights) const {
-  const int64_t last = std::min(tile.col + ((tile.cols - 1) << tile.stride_log2), layout_.last_col());
+  const int64_t last = source_col(tile, tile.cols - 1);
   for (int64_t j = 0; j < tile.rows; ++j) {
     const int64_t row = source_row(tile, j);
     if (row < band.first_row || row >= band.end_row) continue;

@@ -36,6 +36,10 @@ class Tiles {
   int64_t source_row(const Tile& tile, int64_t j) const {
     return std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
   }
+  /// Likewise the column of its column `i`; of a planet that wraps, the last one is column 0 come round again.
+  int64_t source_col(const Tile& tile, int64_t i) const {
+    return std::min(tile.col + (i << tile.stride_log2), layout_.last_col());
+  }
   /// Copies to a tile's heights, row by row, those of its rows that are in the band.
   void fill(const HeightRows& band, const Tile& tile, float* heights) const;
   /// log2 of a tile's cells a side.

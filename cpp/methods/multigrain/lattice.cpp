@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#include "methods/multigrain/lattice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lodlab::multigrain {
+namespace {
+
+constexpr int kBits = 40, kLowBits = 10;
+constexpr double kMostCell = (1 << (kBits - kLowBits)) - 1;
+
+}  // namespace
+
+/// A planet smaller than 1e-26 has fewer steps: shaders may not know floats below the least normal one.
+Lattice::Lattice(const FieldFrame& planet)
+    : frame_(planet),
+      quantum_(std::max(std::ldexp(1.0, std::ilogb(planet.radius + planet.z_max) + 1 - kBits),
+                        static_cast<double>(std::numeric_limits<float>::min()))) {}
+
+Lattice::Position Lattice::round(const glm::dvec3& position) const {
+  Position out(0);
+  for (int i = 0; i < 3; ++i) {
+    const int64_t steps = std::llround(position[i] / quantum_);  // the quotient is exact
+    out[i] = static_cast<int32_t>(steps >> kLowBits);
+    out.w |= static_cast<int32_t>(steps & ((1 << kLowBits) - 1)) << (kLowBits * i);
+  }
+  return out;
+}
+
+std::vector<Lattice::Position> Lattice::positions(const Tiles& tiles, const Tile& tile,
+                                                  const std::vector<float>& heights) const {
+  std::vector<glm::dvec2> lon;
+  for (int64_t i = 0; i < tile.cols; ++i)
+    lon.push_back(cos_sin_degrees(frame_.longitude(tiles.source_col(tile, i))));
+  std::vector<Position> out;
+  out.reserve(heights.size());
+  for (int64_t j = 0; j < tile.rows; ++j) {
+    const glm::dvec2 lat = cos_sin_degrees(frame_.latitude(tiles.source_row(tile, j)));
+    for (const glm::dvec2& at : lon) {
+      const double radius = frame_.radius + static_cast<double>(heights[out.size()]);
+      out.push_back(round(radius * glm::dvec3(lat.x * at.x, lat.x * at.y, lat.y)));
+    }
+  }
+  return out;
+}
+
+Lattice::Eye Lattice::eye(const glm::dvec3& eye) const {
+  const glm::dvec3 cell = glm::clamp(glm::floor(eye / this->cell()), -kMostCell, kMostCell);
+  return {glm::ivec3(cell), glm::vec3(eye - cell * this->cell())};
+}
+
+}  // namespace lodlab::multigrain
