@@ -119,6 +119,60 @@ TEST_CASE("samples outside the frustum do not count on screen") {
   CHECK(std::isnan(sample_error_px(*source, grid, surface, camera)));
 }
 
+TEST_CASE("a planet's horizon hides what is beyond it from outside, nothing from within") {
+  const double radius = 1000.0;
+  const glm::dvec3 eye(3000.0, 0.0, 0.0);
+  const Horizon horizon(radius, eye);
+  const double rim = std::acos(radius / 3000.0);  // of the sphere, as seen from its centre
+  const auto at = [](double r, double angle) {
+    return r * glm::dvec3(std::cos(angle), std::sin(angle) * 0.6, std::sin(angle) * 0.8);
+  };
+  for (const double height : {0.0, 1.0, 300.0, 5000.0}) {
+    CAPTURE(height);
+    const double last = rim + std::acos(radius / (radius + height));
+    CHECK_FALSE(horizon.hides(at(radius + height, last - 1e-6) - eye));
+    CHECK(horizon.hides(at(radius + height, last + 1e-6) - eye));
+    CHECK_FALSE(horizon.hides(at(radius + height, 0.0) - eye));
+    CHECK(horizon.hides(at(radius + height, 3.14) - eye));
+    const Horizon within(radius, {999.0, 0.0, 0.0});
+    CHECK_FALSE(within.hides(at(radius + height, 3.0) - glm::dvec3(999.0, 0.0, 0.0)));
+    // A cone reaches as far as its own angle.
+    for (const double angle : {0.0, 0.3}) {
+      const double raised = angle + std::acos(radius / (radius + height));
+      const auto cone = [&](double middle) {
+        return Cone{at(1.0, middle), std::cos(raised), std::sin(raised)};
+      };
+      CHECK_FALSE(horizon.hides(cone(rim + raised - 1e-6)));
+      CHECK(horizon.hides(cone(rim + raised + 1e-6)) == (rim + raised < 3.14));
+      CHECK_FALSE(within.hides(cone(3.1)));
+    }
+  }
+  const Horizon none(0.0, eye);
+  CHECK_FALSE(none.hides(at(10.0, 3.0) - eye));
+}
+
+TEST_CASE("samples beyond a planet's horizon do not count on screen") {
+  View view;
+  view.eye = {3000.0, 0.0, 0.0};
+  view.target = glm::dvec3(0.0);
+  const Camera camera = make_camera(view);
+  FieldFrame frame = synthetic::planet(19, 36);
+  for (const bool low : {false, true}) {  // one low sample, and the horizon is farther
+    const auto source = synthetic::field(
+        frame, [&](int64_t row, int64_t col) { return low && row == 3 && col == 18 ? -500.0 : 0.0; });
+    const SampleGrid grid(*source);
+    // The horizon is acos((1000 - 500 low) / 3000) off the axis, for samples on the sphere acos(1 - 0.5 low) farther.
+    for (const int64_t col : {7, 8, 14, 15}) {
+      const auto drawn = mesh(*source, camera.eye, [&](int64_t row, int64_t at) {
+        return row == 9 && at == col ? 100.0 : source->at(row, at);
+      });
+      const DrawnSurface surface(*source, grid, drawn);
+      const double found = sample_error_px(*source, grid, surface, camera);
+      CHECK((found > 1.0) == (static_cast<double>(col) * 10.0 < (low ? 80.4 + 60.0 : 70.5)));
+    }
+  }
+}
+
 TEST_CASE("a missing triangle leaves holes, and cracks along its edges inside the source") {
   const auto source = synthetic::field(flat(9, 9), kTilted);
   const SampleGrid grid(*source);

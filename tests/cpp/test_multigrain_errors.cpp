@@ -14,7 +14,9 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "geometry/horizon.h"
 #include "methods/multigrain/hierarchy.h"
+#include "methods/multigrain/lattice.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/tiles.h"
 #include "multigrain/stitch.h"
@@ -138,6 +140,16 @@ class Surface {
 
   double height(StitchVertex v) const { return field_.heights[key(v)]; }
 
+  /// Where a planet's vertex is drawn: on the lattice.
+  glm::dvec3 position(StitchVertex v) const {
+    const multigrain::Lattice lattice(field_);
+    return on_lattice(lattice, lattice.round(field_.position(v.row, v.col, height(v))));
+  }
+  static glm::dvec3 on_lattice(const multigrain::Lattice& lattice, const glm::ivec4& at) {
+    const glm::dvec3 steps(at.w & 1023, at.w >> 10 & 1023, at.w >> 20 & 1023);
+    return lattice.cell() * glm::dvec3(at) + lattice.quantum() * steps;
+  }
+
   /// Largest distance at all samples that the triangle covers.
   double error(const Triangle& t) const { return field_.planet ? error_of_rays(t) : error_of_columns(t); }
 
@@ -167,7 +179,8 @@ class Surface {
 
   double error_of_rays(const Triangle& t) const {
     glm::dvec3 p[3];
-    for (size_t i = 0; i < 3; ++i) p[i] = field_.position(t[i].row, t[i].col, height(t[i]));
+    for (size_t i = 0; i < 3; ++i) p[i] = position(t[i]);
+    const double on_edge = forest_.quantum() / field_.radius;
     const double volume = glm::dot(p[0], glm::cross(p[1], p[2]));
     const double sign = volume > 0.0 ? 1.0 : -1.0;
     double worst = 0.0;
@@ -178,7 +191,7 @@ class Surface {
         double sum = 0.0, least = 1e300;
         for (size_t i = 0; i < 3; ++i) {
           const glm::dvec3 normal = sign * glm::cross(p[(i + 1) % 3], p[(i + 2) % 3]);
-          least = std::min(least, glm::dot(normal, ray) + 1e-14 * glm::length(normal));
+          least = std::min(least, glm::dot(normal, ray) + on_edge * glm::length(normal));
           sum += glm::dot(normal, ray);
         }
         if (least < 0.0 || sum <= 0.0) continue;
@@ -358,7 +371,7 @@ TEST_CASE("errors nest: a node's own under split and refinement, strips in both 
     }
     const multigrain::BlockErrors& e = forest.errors;
     for (int64_t block = 0; block < forest.layout.blocks_x() * forest.layout.blocks_y(); ++block) {
-      CHECK(e.own_error(block, 0) <= (c.field->planet ? 1e-8 : 0.0));
+      CHECK(e.own_error(block, 0) <= 3.0 * forest.quantum());  // on slopes of up to 70 degrees
       for (int edge = 0; edge < 4; ++edge) {
         for (int b = 1; b < e.strides; ++b) {
           for (int a = 0; a < b; ++a) {
@@ -405,6 +418,105 @@ TEST_CASE("the forest covers the field once at every level, and its tiles hold t
     }
     for (const int64_t count : cells) CHECK(count == layout.last_row() * layout.last_col());
   }
+}
+
+TEST_CASE("positions of a planet are on its lattice, one for each sample, whichever tile has it") {
+  for (const Case& c : cases()) {
+    if (!c.field->planet) continue;
+    CAPTURE(c.name);
+    const Opened opened = open(c.field, c.options);
+    const multigrain::Lattice lattice(*c.field);
+    CHECK(opened.forest->quantum() == lattice.quantum());
+    CHECK((c.field->radius + c.field->z_max) / lattice.quantum() <= 0x1p40);
+    CHECK((c.field->radius + c.field->z_max) / lattice.quantum() > 0x1p39);
+    const multigrain::Layout& layout = opened.forest->layout;
+    const multigrain::Tiles tiles(layout);
+    std::map<int64_t, glm::ivec4> known;
+    for (int64_t id = 0; id < tiles.count(); ++id) {
+      const multigrain::Tile tile = tiles.at(id);
+      if (!opened.forest->store->has_page(multigrain::kHeights, id)) continue;
+      const auto positions = lattice.positions(tiles, tile, opened.forest->tile(id));
+      for (int64_t i = 0; i < tile.samples(); ++i) {
+        const StitchVertex at{static_cast<int>(tiles.source_col(tile, i % tile.cols)),
+                              static_cast<int>(tiles.source_row(tile, i / tile.cols))};
+        const Surface surface(opened);
+        const glm::ivec4 found = positions[static_cast<size_t>(i)];
+        const auto [place, added] = known.insert({surface.key(at), found});
+        REQUIRE((added || place->second == found));
+        const glm::dvec3 exact = c.field->position(at.row, at.col, surface.height(at));
+        REQUIRE(glm::distance(Surface::on_lattice(lattice, found), exact) <= lattice.error());
+      }
+    }
+  }
+}
+
+TEST_CASE("an eye on the lattice: its cell and what is beyond it, and no difference overflows") {
+  const Field field = globe(9, 16, 51);
+  const multigrain::Lattice lattice(*field);
+  for (const double reach : {0.0, 1e-9, 3.0, 20000.0, 21000.0, 1e9, 1e30}) {
+    const glm::dvec3 eye = reach * glm::dvec3(0.6, -0.8, 1.0);
+    const multigrain::Lattice::Eye found = lattice.eye(eye);
+    for (int i = 0; i < 3; ++i) {
+      CHECK(std::abs(int64_t{found.cell[i]}) < int64_t{1} << 30);
+      const double rest = eye[i] - lattice.cell() * found.cell[i];
+      CHECK(found.rest[i] == static_cast<float>(rest));
+      if (reach <= 20000.0) CHECK((rest >= 0.0 && rest < lattice.cell()));
+    }
+  }
+}
+
+TEST_CASE("a planet's occluder: nothing is drawn in it, and what it hides the source's own horizon hides too") {
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  int64_t culled = 0, kept = 0;
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Opened opened = open(c.field, c.options);
+    const Forest& forest = *opened.forest;
+    if (!c.field->planet) {
+      CHECK(forest.occluder.radius == 0.0);
+      continue;
+    }
+    if (!(forest.occluder.radius > 0.0)) continue;  // blocks of a hemisphere
+    const double source = c.field->radius + c.field->z_min;
+    CHECK(forest.occluder.radius < source);
+    const Surface surface(opened);
+    for (int round = 0; round < 4; ++round) {
+      const std::vector<Selected> cut = random_cut(forest, random);
+      StrideMap map(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()));
+      for (const Selected& s : cut) forest.mark(forest.node[s.node], s.k, map);
+      glm::dvec3 eye(any(random), any(random), any(random));
+      const double away[] = {1.0 + c.field->z_max / source, 1.2, 4.0, 0.5};  // the last one: inside
+      eye *= away[round] * source / glm::length(eye);
+      const Horizon own(forest.occluder.radius, eye), of_source(source, eye);
+      for (const Selected& s : cut) {
+        const bool hidden = own.hides(forest.occluder.nodes[s.node]);
+        CHECK_FALSE((hidden && round == 3));
+        (hidden ? culled : kept) += 1;
+        for (const Triangle& t : surface.triangles(s, map)) {
+          glm::dvec3 p[3];
+          for (size_t i = 0; i < 3; ++i) p[i] = surface.position(t[i]);
+          for (int i = 0; i < 5; ++i) {  // points of the triangle
+            const double u = 0.5 + 0.5 * any(random), v = (1.0 - u) * (0.5 + 0.5 * any(random));
+            const glm::dvec3 at = p[0] + u * (p[1] - p[0]) + v * (p[2] - p[0]);
+            REQUIRE(glm::length(at) > forest.occluder.radius);
+            if (!hidden) continue;
+            REQUIRE(own.hides(at - eye));
+            // A sample that the triangle is compared with there, as high as any.
+            const glm::dvec3 sample = (c.field->radius + c.field->z_max) / glm::length(at) * at;
+            REQUIRE(own.hides(sample - eye));
+            REQUIRE(of_source.hides(sample - eye));
+          }
+        }
+        if (!hidden) continue;
+        const Node& n = forest.node[s.node];
+        for (uint32_t child = n.first_child; child < n.first_child + n.children; ++child)
+          REQUIRE(own.hides(forest.occluder.nodes[child]));
+      }
+    }
+  }
+  CHECK(culled > 100);
+  CHECK(kept > 100);
 }
 
 TEST_CASE("a block's errors are its own: the same in a larger field, with one thread or two") {

@@ -74,6 +74,55 @@ def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]
             assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
 
 
+@pytest.fixture(scope="module")
+def earth(tmp_path_factory: pytest.TempPathFactory) -> tuple[lod.HeightField, lod.stores.Store]:
+    """Every sixth sample of the Earth, five times as high."""
+    heights = np.asarray(lod.datasets.load("earth:planet=true").heights)[::6, ::6] * 5.0
+    field = lod.HeightField(np.ascontiguousarray(heights), planet=True)
+    folder = tmp_path_factory.mktemp("earth")
+    return field, lod.build(field, "multigrain", folder / "m.lod", progress=False, chart=128, levels=4)
+
+
+def earth_view(field: lod.HeightField, place: str) -> _core.View:
+    def up(latitude: float, longitude: float) -> np.ndarray:
+        lat, lon = np.radians(latitude), np.radians(longitude)
+        return np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+
+    rows, cols = field.shape
+    row, col = rows * 62 // 180, cols * 86 // 360  # the Himalaya
+    valley = float(np.asarray(field.heights)[row, col])
+    here = up(90.0 - 180.0 * row / (rows - 1), 360.0 * col / cols)
+    north = np.array([0.0, 0.0, 1.0]) - here[2] * here
+    if place == "space":
+        eye, target = 3.0 * field.radius * here, np.zeros(3)
+    elif place == "low orbit":
+        eye = (field.radius + 400e3) * here
+        target = eye + 1000e3 * (north - 0.35 * here)
+    else:
+        eye = (field.radius + valley + 300.0) * here
+        target = eye + 10e3 * (north + 0.02 * here)
+    return _core.View(tuple(eye), tuple(target), up=tuple(here + north), fov=75.0, size=(480, 300))
+
+
+@pytest.mark.parametrize("place", ["space", "low orbit", "ground"])
+@pytest.mark.parametrize("budget", [{"pixel_error": 1.0}, {"triangles": 20_000}])
+def test_what_the_horizon_culls_is_not_in_the_picture(earth, place: str, budget: dict[str, float]) -> None:
+    field, store = earth
+    view, session = earth_view(field, place), store.core.session({"stream": False})
+    cut = session.select(view, _core.Budget(**budget))
+    everything = session.cut(cut.nodes["node"], cut.nodes["resolution"])  # by hand: nothing is culled
+    drawn, whole = session.draw(cut, view), session.draw(everything, view)
+    assert np.array_equal(drawn.image, whole.image)
+    assert np.array_equal(drawn.depth, whole.depth, equal_nan=True)
+    assert np.isfinite(drawn.depth).mean() > 0.1
+    # The frustum alone would not have culled them: their middles are in it.
+    nodes = store.nodes[np.unique(store.nodes["id"], return_index=True)[1]][cut.nodes["node"]]
+    middle = np.column_stack([0.5 * (nodes["box_min"] + nodes["box_max"]), np.ones(len(nodes))])
+    clip = middle @ np.asarray(view.matrix).T
+    inside = (clip[:, 3] > 0) & (np.abs(clip[:, :2]) <= clip[:, 3:]).all(axis=1)
+    assert (inside & ~cut.nodes["visible"]).sum() > 0.2 * inside.sum()
+
+
 def test_coarse_triangles_of_a_planet_keep_the_colours_of_their_heights(tmp_path) -> None:
     heights = np.full((65, 128), 100.0, np.float32)
     heights[1, 1] = -4000.0  # somewhere there is sea; no coarse grid has this sample

@@ -62,7 +62,8 @@ Layout choose_layout(const FieldFrame& frame, const Options& options) {
   const int whole = std::max(1, static_cast<int>(std::bit_width(cells - 1)));  // one chart holds all
   const int block = frame.planet ? largest_block(frame) : most_log2;
   // A planet whose strides cannot double has one level.
-  const int wanted = block == 0 ? 1 : std::min(static_cast<int>(options.integer("levels")), most_log2 + 1);
+  const auto given = static_cast<int>(options.integer("levels"));
+  const int wanted = block == 0 ? 1 : std::min(given > 0 ? given : frame.planet ? 6 : 5, most_log2 + 1);
   const bool automatic = options.integer("chart") == 0;
   int chart = automatic ? static_cast<int>(std::lround(std::log2(static_cast<double>(cells) / 4.0)))
                         : log2_of(options, "chart");

@@ -26,6 +26,15 @@ def _seen(r: float, degrees: float) -> float:
     return K * r * math.sin(t) / (EYE - r * math.cos(t))
 
 
+def _horizon(r: float) -> float:
+    """Degrees off the axis at which a point that far from the centre goes behind the sphere without bumps."""
+    return math.degrees(math.acos(RADIUS / EYE) + math.acos(RADIUS / r))
+
+
+def _moves(h: float, degrees: float) -> float:
+    return abs(_seen(RADIUS + h, degrees) - _seen(RADIUS, degrees))
+
+
 def _direction(latitude: float, longitude: float) -> np.ndarray:
     lat, lon = math.radians(latitude), math.radians(longitude)
     return np.array([math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)])
@@ -48,7 +57,7 @@ def _bump(name: str, row: int, col: int, degrees: float, samples: int = 1) -> Ca
         {
             "measured_max": h,
             "measured_rms": h * math.sqrt(samples / (ROWS * COLS)),
-            "measured_px_max": abs(_seen(RADIUS + h, degrees) - _seen(RADIUS, degrees)),
+            "measured_px_max": _moves(h, degrees) if degrees < _horizon(RADIUS + h) else 0.0,
             "measured_samples": ROWS * COLS,
             "hole_samples": 0,
             "crack_edges": 0,
@@ -61,7 +70,10 @@ def _bumps() -> list[Case]:
         _bump("planet, bump 20 deg off the axis", 18, 4, 20.0),  # longitude 20
         _bump("planet, bump north of the axis", 15, 0, 15.0),
         _bump("planet, bump in the first column, from the west", 18, 71, 5.0),  # longitude -5: across the seam
-        # The horizon is acos(RADIUS / EYE) = 70.5 degrees off the axis.
+        # The horizon is acos(RADIUS / EYE) = 70.5 degrees off the axis, of a bump's top acos(RADIUS / 1010) = 8.1
+        # more. At 75 degrees it counts, though drawn without it nothing is seen there; at 80 degrees it does not.
+        _bump("planet, bump just before the horizon", 18, 15, 75.0),
+        _bump("planet, bump just beyond the horizon", 18, 16, 80.0),
         _bump("planet, bump 20 deg behind the horizon", 18, 18, 90.0),
         _bump("planet, bump on the far side", 18, 32, 160.0),
         _bump("planet, bump at the pole", 0, 0, 90.0, samples=COLS),
@@ -116,9 +128,9 @@ def _cell() -> Case:
 
 def _raised() -> Case:
     # A smaller sphere drawn for the larger: every sample moves along its own ray. The most pixels are lost
-    # where K r sin t / (EYE - r cos t) differs most, over the samples' angles off the axis.
+    # where K r sin t / (EYE - r cos t) differs most, over the samples' angles off the axis, up to the horizon.
     angles = np.degrees(np.arccos(_directions_x()))
-    pixels = max(abs(_seen(RADIUS, t) - _seen(RADIUS - 50.0, t)) for t in angles)
+    pixels = max(_moves(-50.0, t) for t in angles if t < _horizon(RADIUS))
     return Case(
         "planet drawn 50 m too small",
         ball(RADIUS, ROWS, COLS),
