@@ -11,7 +11,7 @@ namespace lodlab {
 
 /// Directions from the origin, no farther than an angle from an axis.
 struct Cone {
-  glm::dvec3 axis;       ///< unit
+  glm::dvec3 axis;      ///< unit
   double cosine, sine;  ///< of the angle, 0 to pi
 };
 

@@ -18,9 +18,9 @@ inline bool in_frustum(const Camera& camera, const glm::dvec3& relative) {
   return camera.depth(relative) >= camera.near_plane;
 }
 
-/// Which samples of a source may be seen in a view: those inside the frustum. On a planet not those beyond its
-/// horizon: their way to the eye passes through the sphere below which no sample lies. It is the source's own,
-/// whatever draws it. A method may leave out what a smaller sphere hides from it.
+/// Which samples of a source may be seen in a view: those inside the frustum. On a planet not those beyond
+/// its horizon: their way to the eye passes through the sphere below which no sample lies. It is the source's
+/// own, whatever draws it. A method may leave out what a smaller sphere hides from it.
 class InView {
  public:
   InView(const FieldFrame& source, const Camera& camera)

@@ -75,7 +75,7 @@ class Cut:
 
     @property
     def visible_nodes(self) -> int:
-        """Nodes submitted: those inside the frustum."""
+        """Nodes submitted: those in view, inside the frustum and not beyond a planet's horizon."""
         return self.core.visible_nodes
 
     @property

@@ -161,7 +161,8 @@ TEST_CASE("samples beyond a planet's horizon do not count on screen") {
     const auto source = synthetic::field(
         frame, [&](int64_t row, int64_t col) { return low && row == 3 && col == 18 ? -500.0 : 0.0; });
     const SampleGrid grid(*source);
-    // The horizon is acos((1000 - 500 low) / 3000) off the axis, for samples on the sphere acos(1 - 0.5 low) farther.
+    // The horizon is acos((1000 - 500 low) / 3000) off the axis, for samples on the sphere acos(1 - 0.5 low)
+    // farther.
     for (const int64_t col : {7, 8, 14, 15}) {
       const auto drawn = mesh(*source, camera.eye, [&](int64_t row, int64_t at) {
         return row == 9 && at == col ? 100.0 : source->at(row, at);

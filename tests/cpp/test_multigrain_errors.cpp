@@ -465,7 +465,8 @@ TEST_CASE("an eye on the lattice: its cell and what is beyond it, and no differe
   }
 }
 
-TEST_CASE("a planet's occluder: nothing is drawn in it, and what it hides the source's own horizon hides too") {
+TEST_CASE(
+    "a planet's occluder: nothing is drawn in it, and what it hides the source's own horizon hides too") {
   std::mt19937 random(17);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   int64_t culled = 0, kept = 0;

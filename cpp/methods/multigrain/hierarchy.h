@@ -28,7 +28,8 @@ struct Resolution {
   uint32_t triangles;  ///< those that are there: clamped and polar ones left out
 };
 
-/// What hides nodes of a planet, wherever they are and whatever is drawn: a sphere below all that any cut draws.
+/// What hides nodes of a planet, wherever they are and whatever is drawn: a sphere below all that any cut
+/// draws.
 struct Occluder {
   double radius = 0.0;      ///< 0: none
   std::vector<Cone> nodes;  ///< round all that each is drawn with and the samples there, raised (Horizon)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Positions of a planet's samples, in whole steps of a global lattice: what a tile holds on the GPU in place of
-// heights. A shader subtracts the eye's cell without rounding and needs no doubles; a position is a function of
-// its sample alone, so that tiles agree bit for bit on those they share.
+// Positions of a planet's samples, in whole steps of a global lattice: what a tile holds on the GPU in place
+// of heights. A shader subtracts the eye's cell without rounding and needs no doubles; a position is a
+// function of its sample alone, so that tiles agree bit for bit on those they share.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,8 @@ class Lattice {
   using Position = glm::ivec4;
   Position round(const glm::dvec3& position) const;
   /// Of a tile's samples, row by row, which have these heights.
-  std::vector<Position> positions(const Tiles& tiles, const Tile& tile, const std::vector<float>& heights) const;
+  std::vector<Position> positions(const Tiles& tiles, const Tile& tile,
+                                  const std::vector<float>& heights) const;
 
   /// An eye as a cell and what is beyond it, source units. One cell less another never overflows.
   struct Eye {

@@ -199,9 +199,10 @@ class PlanetMeasurer : public Measurer {
 
   void measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const;
 
-  /// How far along a ray the plane of a triangle moves at most, when its corners go to the lattice: where a ray
-  /// meets it, the surface moves by no more than they do, e, and e / cosine(normal, ray) along the ray. `normal` is
-  /// the length of the cross product of two sides, `along` its component along any ray that meets the triangle.
+  /// How far along a ray the plane of a triangle moves at most, when its corners go to the lattice: where a
+  /// ray meets it, the surface moves by no more than they do, e, and e / cosine(normal, ray) along the ray.
+  /// `normal` is the length of the cross product of two sides, `along` its component along any ray that meets
+  /// the triangle.
   double moved_by_lattice(const glm::dvec3& u, const glm::dvec3& v, double normal, double along) const {
     const double e = lattice_error_, turned = 2.0 * e * (glm::length(u) + glm::length(v) + 2.0 * e);
     if (!(along > turned)) return std::numeric_limits<double>::infinity();
@@ -242,8 +243,7 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   volume *= sign;
   const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
                                sign * glm::cross(p[0], u)};
-  const auto [nearest, farthest] =
-      std::minmax({radius(corners[0]), radius(corners[1]), radius(corners[2])});
+  const auto [nearest, farthest] = std::minmax({radius(corners[0]), radius(corners[1]), radius(corners[2])});
   const double lattice = moved_by_lattice(u, v, glm::length(normal), volume / farthest);
   double slack[3];
   for (int i = 0; i < 3; ++i)

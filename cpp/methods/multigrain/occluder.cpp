@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Which nodes of a planet lie beyond the horizon: hidden by a sphere below all that any cut draws.
 //
-// No drawn triangle leaves its block, since no stride is larger. Its corners are samples, none of them lower than
-// the lowest, in directions within some angle of the block's middle: so the triangle has no point nearer to the
-// centre than the lowest sample times the cosine of that angle. A cap of less than a hemisphere holds the great
-// circles between its points: a cone round a node's samples holds all that it is drawn with, and also those samples
-// of other nodes that its triangles are compared with.
+// No drawn triangle leaves its block, since no stride is larger. Its corners are samples, none of them lower
+// than the lowest, in directions within some angle of the block's middle: so the triangle has no point nearer
+// to the centre than the lowest sample times the cosine of that angle. A cap of less than a hemisphere holds
+// the great circles between its points: a cone round a node's samples holds all that it is drawn with, and
+// also those samples of other nodes that its triangles are compared with.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -25,8 +25,8 @@ struct Cap {
   double angle = std::numbers::pi;  ///< from a hemisphere on: everything
 };
 
-/// Round a node's samples: none is farther from the middle than its corners, as long as half its width is within a
-/// right angle.
+/// Round a node's samples: none is farther from the middle than its corners, as long as half its width is
+/// within a right angle.
 Cap cap_of(const Forest& forest, const Node& n) {
   const Layout& layout = forest.layout;
   const int64_t size = int64_t{1} << layout.node_log2(n.level);

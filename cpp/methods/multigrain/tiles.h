@@ -36,7 +36,8 @@ class Tiles {
   int64_t source_row(const Tile& tile, int64_t j) const {
     return std::min(tile.row + (j << tile.stride_log2), layout_.last_row());
   }
-  /// Likewise the column of its column `i`; of a planet that wraps, the last one is column 0 come round again.
+  /// Likewise the column of its column `i`; of a planet that wraps, the last one is column 0 come round
+  /// again.
   int64_t source_col(const Tile& tile, int64_t i) const {
     return std::min(tile.col + (i << tile.stride_log2), layout_.last_col());
   }
