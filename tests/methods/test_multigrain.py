@@ -225,6 +225,24 @@ def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small
     assert uploads > 1.5 * (1 << 20)  # more than there is room for: tiles went again
 
 
+def test_small_caches_are_hard_limits_on_planets_too(earth, tmp_path) -> None:
+    field, _ = earth
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False, chart=128, levels=4, node_resolution=32)
+    instrument, session = _core.Instrument(field.core, None), store.core.session({"gpu_cache_mb": 3, "cpu_cache_mb": 3})
+    sides = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]]) * 1.5 * field.radius
+    uploads = 0
+    for view in [_core.View(tuple(side), (0.0, 0.0, 0.0), fov=100.0, size=(480, 300)) for side in sides]:
+        for _ in range(9):
+            session.settle()
+            cut, row = session.time_frame(view, _core.Budget(pixel_error=0.01))
+            uploads += row["upload_bytes"]
+            assert row["resident_bytes"] <= 3 << 20
+        found = instrument.examine(session, cut, view, pictures=False)
+        assert (found.crack_edges, found.hole_samples) == (0, 0)
+        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 480
+    assert uploads > 2 * (3 << 20)  # more than there is room for: tiles went again
+
+
 def test_without_streaming_a_cut_larger_than_memory_is_drawn_in_rounds(terrain, small_tiles) -> None:
     field, _, instrument = terrain
     view = flyover_views(field, 3)[1]
