@@ -165,7 +165,7 @@ class Adapter {
   void write(const Budget& budget, Cut& cut);
 
   // What is there, and what is wanted: adapt_paging.cpp
-  int finest_wanted(uint32_t id) const;
+  int finest_wanted(uint32_t id, double pixels) const;
   double worth(uint32_t id, int k);
   void keep_parents(uint32_t id);
   void page();
