@@ -139,6 +139,7 @@ class Adapter {
     glm::dvec3 eye{0.0}, forward{0.0};
     double K = 0.0;
     int64_t triangles = 0, nodes = 0;
+    int64_t heights = 0;  ///< tiles that had come by then
     bool same_view(const Level& o) const {
       return eye == o.eye && forward == o.forward && K == o.K && triangles == o.triangles && nodes == o.nodes;
     }

@@ -69,7 +69,8 @@ void Adapter::page() {
     if (!local_) keep_parents(id);
     if (!spot.visible || spot.rho <= asked || !frame_.fits) continue;
     const int finest = finest_wanted(id, asked);
-    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), worth(id, k));
+    const double share = local_ || spot.rho > level ? 1.0 : 0.5;  // what is not needed yet gives way
+    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), share * worth(id, k));
     if (starved(id) && spot.rho > level) spot.missing_in = frames_;
   }
   for (const Held& held : held_) {
