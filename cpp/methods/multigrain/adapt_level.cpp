@@ -76,7 +76,14 @@ double Adapter::first_level(double wanted) {
 void Adapter::select_level() {
   const double wanted = frame_.target;
   const Camera& camera = *frame_.camera;
-  const Level now{0.0, kDown, false, camera.eye, camera.forward, camera.K, frame_.triangles, frame_.nodes,
+  const Level now{0.0,
+                  kDown,
+                  false,
+                  camera.eye,
+                  camera.forward,
+                  camera.K,
+                  frame_.triangles,
+                  frame_.nodes,
                   paging_ != nullptr ? paging_->residency().admitted() : 0};
   const Level last = std::exchange(last_level_, now);
   moves_.clear();
