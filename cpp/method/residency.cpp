@@ -95,6 +95,7 @@ std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::v
   }
   place_[id].offset = upload.offset;
   touch(id, worth);
+  ++admitted_;
   beside_used_ += unit.beside;
   if (id >= setup_.roots) loaded_.push_back(id);
   return upload;

@@ -70,6 +70,8 @@ class Residency {
   /// Blocks until all that was asked for is in main memory.
   void settle() { cache_.settle(); }
 
+  /// How many units have been made resident so far; the same number, the same units.
+  int64_t admitted() const { return admitted_; }
   /// Bytes of the buffer to create.
   int64_t capacity() const { return setup_.capacity; }
   /// GPU memory beside it that resident units take.
@@ -100,7 +102,7 @@ class Residency {
 
   Setup setup_;
   PageCache cache_;
-  int64_t beside_used_ = 0;
+  int64_t beside_used_ = 0, admitted_ = 0;
   uint64_t frame_ = 1;
   std::vector<Place> place_;
   std::vector<uint32_t> loaded_;     // resident units that are not roots, any order

@@ -104,6 +104,14 @@ void submit(DrawPass& pass, const DrawCall& draw) {
   gl::check("drawing the cut");
 }
 
+/// What transform feedback writes to: as large as the largest batch so far; never destroyed, as the context is
+/// not.
+gl::Buffer& capture_buffer() {
+  constexpr int64_t kFirstBytes = int64_t{1} << 20;
+  static auto* kept = new gl::Buffer(kFirstBytes);
+  return *kept;
+}
+
 }  // namespace
 
 Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool want_depth,
@@ -138,17 +146,16 @@ Picture draw_wire(const Camera& camera, const DrawCall& draw) {
 }
 
 Captured capture(const Camera& camera, const DrawCall& draw, bool everything) {
-  constexpr int64_t kFirstBytes = int64_t{16} << 20;
   constexpr int64_t kMostBytes = INT32_MAX;
+  gl::Buffer& buffer = capture_buffer();
   bind_target(16, 16);
   glEnable(GL_RASTERIZER_DISCARD);
-  for (int64_t bytes = kFirstBytes;;) {
-    const gl::Buffer buffer(bytes);
+  for (;;) {
     CapturePass pass(camera, everything, buffer);
     draw(pass);
     const int64_t needed = pass.finish();
     gl::check("capturing the cut");
-    if (needed <= bytes) {
+    if (needed <= buffer.bytes()) {
       glDisable(GL_RASTERIZER_DISCARD);
       return {camera.eye, std::move(pass.vertices())};
     }
@@ -156,7 +163,7 @@ Captured capture(const Camera& camera, const DrawCall& draw, bool everything) {
       throw Unsupported("capture: one batch of " + std::to_string(needed) + " bytes is above the limit of " +
                         std::to_string(kMostBytes));
     }
-    bytes = needed;
+    buffer = gl::Buffer(needed);
   }
 }
 

@@ -5,6 +5,8 @@
 // than the cache loads its most important part once instead of turning over for ever.
 #include "store/page_cache.h"
 
+#include <pthread.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -152,6 +154,9 @@ void PageCache::Impl::load_next(std::unique_lock<std::mutex>& guard) {
 }
 
 void PageCache::Impl::loop() {
+  // Woken by a frame, it does not take that frame's processor before its time is over.
+  const sched_param batch{};
+  pthread_setschedparam(pthread_self(), SCHED_BATCH, &batch);
   std::unique_lock guard(mutex);
   while (true) {
     work.wait(guard, [&] { return stop || !queue.empty(); });
@@ -195,7 +200,7 @@ PageCache::~PageCache() {
 void PageCache::want(std::vector<Want> wants) {
   Impl& it = *impl_;
   it.check_process();
-  const std::lock_guard guard(it.mutex);
+  std::unique_lock guard(it.mutex);
   ++it.list;
   it.queue.clear();
   for (Want& want : wants) {
@@ -215,7 +220,9 @@ void PageCache::want(std::vector<Want> wants) {
     return a.priority != b.priority ? a.priority < b.priority
                                     : std::pair(b.kind, b.id) < std::pair(a.kind, a.id);
   });
-  it.work.notify_all();
+  const bool loads = !it.queue.empty();
+  guard.unlock();
+  if (loads) it.work.notify_all();  // a frame that lacks nothing wakes nobody
 }
 
 std::shared_ptr<const Bytes> PageCache::find(int kind, int64_t id) {

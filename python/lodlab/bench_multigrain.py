@@ -83,9 +83,9 @@ def select(lab: Lab) -> Iterable[Record]:
     """Microseconds of one select along the moving flyover, each way of adapting at 400 nodes and 2 M triangles."""
     store, views = lab.store(PLANET, "multigrain"), lab.views(PLANET, 120)
     pixel_error = _pixel_error_at(_session(store, adapt="topdown")[0], views[::8])
-    for adapt in ("topdown", "dual", "quad"):
+    for adapt in ("topdown", "dual", "quad", "level"):
         session, options = _session(store, adapt=adapt)
-        limits = {"triangles": TRIANGLES} if adapt == "quad" else {"pixel_error": pixel_error}
+        limits = {"triangles": TRIANGLES} if adapt in ("quad", "level") else {"pixel_error": pixel_error}
         budget = _core.Budget(nodes=NODES, **limits)
         lab.say(f"select multigrain/earth-planet/{adapt}")
         details = partial(_select_details, session, views, budget, limits)

@@ -165,6 +165,9 @@ def chosen(cut) -> tuple[bytes, bytes]:
         ("topdown", {"pixel_error": 1.0, "nodes": 60}),
         ("dual", {"pixel_error": 1.0}),
         ("quad", {"triangles": 40_000}),
+        ("level", {"triangles": 40_000}),
+        ("exact", {"triangles": 40_000, "nodes": 100}),
+        ("exact", {"pixel_error": 1.0}),
     ],
 )
 def test_streaming_settles_on_the_cut_of_loaded_data(terrain, adapt: str, budget: dict[str, float]) -> None:
@@ -184,7 +187,7 @@ def test_streaming_settles_on_the_cut_of_loaded_data(terrain, adapt: str, budget
         cuts.append(session.time_frame(view, limits)[0])
     assert cuts[-1].missing_nodes == 0
     assert chosen(cuts[-1]) == chosen(cuts[-2])
-    if adapt == "topdown":
+    if adapt in ("topdown", "exact"):
         assert chosen(cuts[-1]) == chosen(loaded.select(view, limits))
     else:  # starts from the last cut: another one, as good
         for _ in range(12):
@@ -192,10 +195,19 @@ def test_streaming_settles_on_the_cut_of_loaded_data(terrain, adapt: str, budget
         assert cuts[-1].predicted_px <= max(1.25 * wanted.predicted_px, budget.get("pixel_error", 0.0))
 
 
-@pytest.mark.parametrize("budget", [{"pixel_error": 1.0, "nodes": 100}, {"triangles": 40_000}])
-def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, budget: dict[str, float]) -> None:
+@pytest.mark.parametrize(
+    ("adapt", "budget"),
+    [
+        ("topdown", {"pixel_error": 1.0, "nodes": 100}),
+        ("dual", {"pixel_error": 1.0, "nodes": 100}),
+        ("quad", {"triangles": 40_000}),
+        ("level", {"triangles": 40_000, "nodes": 100}),
+        ("exact", {"triangles": 40_000, "nodes": 100}),
+    ],
+)
+def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, adapt: str, budget: dict[str, float]) -> None:
     field, store, instrument = terrain
-    session = store.core.session({"fetch_delay_ms": 200})
+    session = store.core.session({"adapt": adapt, "fetch_delay_ms": 200})
     for view in flyover_views(field, 5, size=(160, 90)):
         cut, row = session.time_frame(view, _core.Budget(**budget))
         assert cut.missing_nodes > 0
@@ -206,11 +218,11 @@ def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, budget: di
         assert (found.crack_edges, found.hole_samples) == (0, 0)
 
 
-@pytest.mark.parametrize("adapt", ["topdown", "dual", "quad"])
+@pytest.mark.parametrize("adapt", ["topdown", "dual", "quad", "level", "exact"])
 def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small_tiles, adapt: str) -> None:
     field, _, instrument = terrain
     session = small_tiles.core.session({"adapt": adapt, "cpu_cache_mb": 1, "gpu_cache_mb": 1})
-    budget = _core.Budget(triangles=60_000) if adapt == "quad" else _core.Budget(pixel_error=0.4)
+    budget = _core.Budget(pixel_error=0.4) if adapt in ("topdown", "dual") else _core.Budget(triangles=60_000)
     uploads = 0
     for view in [*flyover_views(field, 7, size=(160, 90)), *reversed(flyover_views(field, 7, size=(160, 90)))]:
         for _ in range(3):

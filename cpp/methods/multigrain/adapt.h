@@ -139,6 +139,7 @@ class Adapter {
     glm::dvec3 eye{0.0}, forward{0.0};
     double K = 0.0;
     int64_t triangles = 0, nodes = 0;
+    int64_t heights = 0;  ///< tiles that had come by then
     bool same_view(const Level& o) const {
       return eye == o.eye && forward == o.forward && K == o.K && triangles == o.triangles && nodes == o.nodes;
     }
@@ -165,7 +166,7 @@ class Adapter {
   void write(const Budget& budget, Cut& cut);
 
   // What is there, and what is wanted: adapt_paging.cpp
-  int finest_wanted(uint32_t id) const;
+  int finest_wanted(uint32_t id, double pixels) const;
   double worth(uint32_t id, int k);
   void keep_parents(uint32_t id);
   void page();

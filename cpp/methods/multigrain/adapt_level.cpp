@@ -77,7 +77,15 @@ double Adapter::first_level(double wanted) {
 void Adapter::select_level() {
   const double wanted = frame_.target;
   const Camera& camera = *frame_.camera;
-  const Level now{0.0, kDown, false, camera.eye, camera.forward, camera.K, frame_.triangles, frame_.nodes};
+  const Level now{0.0,
+                  kDown,
+                  false,
+                  camera.eye,
+                  camera.forward,
+                  camera.K,
+                  frame_.triangles,
+                  frame_.nodes,
+                  paging_ != nullptr ? paging_->residency().admitted() : 0};
   const Level last = std::exchange(last_level_, now);
   moves_.clear();
   stitched_from_ = 0;
@@ -85,7 +93,8 @@ void Adapter::select_level() {
   const bool still = last.same_view(now);
   double level = last.level, drawn = std::numeric_limits<double>::infinity();
   if (level > 0.0 && !still) level = last.finest ? 0.0 : level * (1.0 - last.down);
-  if (last.level > 0.0) {
+  const bool new_heights = still && last.heights != now.heights;
+  if (last.level > 0.0 && !new_heights) {
     level = std::max(level, wanted);
     drawn = attempt(level);
     if (drawn <= level) next.down = std::min(2.0 * last.down, kMostDown);

@@ -5,14 +5,20 @@
 #include "methods/multigrain/adapt.h"
 
 namespace lodlab::multigrain {
+namespace {
 
-/// A node above the target asks for all up to its first resolution within it; the quad-queue, which refines
-/// step by step as triangles allow, for the next one.
-int Adapter::finest_wanted(uint32_t id) const {
+/// Of the target: errors from here on ask for finer heights, which are there when they get above it.
+constexpr double kAhead = 0.75;
+
+}  // namespace
+
+/// A node asks for all up to its first resolution within so many pixels; the quad-queue, which refines step
+/// by step as triangles allow, for the next one.
+int Adapter::finest_wanted(uint32_t id, double pixels) const {
   const Node& n = node(id);
   int k = spot_[id].k;
   if (local_) return std::min<int>(k + 1, n.most);
-  const double error = allowed(id, frame_.target);
+  const double error = allowed(id, pixels);
   while (k < n.most && forest_.at(n, k).error > error) ++k;
   return k;
 }
@@ -53,7 +59,7 @@ void Adapter::page() {
     if (local_ && spot_[id].k < spot_[id].most) level = std::max(level, spot_[id].rho);
   }
   // Somewhat smaller errors are the next in turn.
-  const double asked = local_ ? std::max(frame_.target, 0.5 * level) : frame_.target;
+  const double asked = local_ ? std::max(frame_.target, 0.5 * level) : kAhead * frame_.target;
   for (const uint32_t id : cut_) {
     Spot& spot = spot_[id];
     const Node& n = node(id);
@@ -62,8 +68,9 @@ void Adapter::page() {
                    spot.visible ? worth(id, spot.k) : std::numeric_limits<double>::infinity());
     if (!local_) keep_parents(id);
     if (!spot.visible || spot.rho <= asked || !frame_.fits) continue;
-    const int finest = finest_wanted(id);
-    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), worth(id, k));
+    const int finest = finest_wanted(id, asked);
+    const double share = local_ || spot.rho > level ? 1.0 : 0.5;  // what is not needed yet gives way
+    for (int k = spot.k + 1; k <= finest; ++k) paging_->need(paging_->unit(n, k), share * worth(id, k));
     if (starved(id) && spot.rho > level) spot.missing_in = frames_;
   }
   for (const Held& held : held_) {

@@ -13,7 +13,7 @@ constexpr double kInside = 1.0 - 1e-12;
 
 Adapt serving(Adapt adapt, const Budget& budget) {
   if (adapt == Adapt::kExact) return adapt;
-  if (adapt == Adapt::kAuto) return budget.triangles ? Adapt::kQuad : Adapt::kTopDown;
+  if (adapt == Adapt::kAuto) return budget.triangles ? Adapt::kLevel : Adapt::kTopDown;
   const bool spends = adapt == Adapt::kQuad || adapt == Adapt::kLevel;
   if (spends && !budget.triangles) {
     throw Unsupported(std::string("select: adapt=") + (adapt == Adapt::kQuad ? "quad" : "level") +
@@ -21,7 +21,7 @@ Adapt serving(Adapt adapt, const Budget& budget) {
   }
   if (!spends && budget.triangles) {
     throw Unsupported(std::string("select: adapt=") + (adapt == Adapt::kDual ? "dual" : "topdown") +
-                      " knows pixel_error and nodes, and a budget of triangles is set: adapt=quad");
+                      " knows pixel_error and nodes, and a budget of triangles is set: adapt=level");
   }
   return adapt;
 }
