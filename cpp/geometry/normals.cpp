@@ -29,7 +29,8 @@ glm::dvec2 Normals::slope(const HeightRows& rows, int64_t row, int64_t col) cons
           (at(north, col) - at(south, col)) / static_cast<double>(south - north)};
 }
 
-/// All of a pole's row is its column 0. The slope (x, y) that fits best h(lon) - h = distance (x cos + y sin).
+/// All of a pole's row is its column 0. The slope (x, y) that fits best h(lon) - h = distance (x cos + y
+/// sin).
 glm::dvec3 Normals::pole(const HeightRows& rows, int64_t row) const {
   const double up = frame_.latitude(row) > 0.0 ? 1.0 : -1.0;
   const int64_t beside = row == 0 ? 1 : row - 1;
@@ -92,7 +93,8 @@ glm::dvec3 Normals::normal(uint32_t texel) {
   return out;
 }
 
-std::vector<uint32_t> normal_texels(const Normals& normals, const HeightRows& rows, int64_t first, int64_t end) {
+std::vector<uint32_t> normal_texels(const Normals& normals, const HeightRows& rows, int64_t first,
+                                    int64_t end) {
   std::vector<uint32_t> out(static_cast<size_t>((end - first) * rows.cols));
   parallel_for(end - first, 8, [&](int64_t begin, int64_t stop) {
     for (int64_t i = begin; i < stop; ++i) {

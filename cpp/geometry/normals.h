@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Normals of a height field at its samples, for shading that knows nothing of the triangles drawn: from central
-// differences, one-sided at a border, over filled heights where samples are void. Flat: x east, y north, z up.
-// On a planet in the planet's frame: X = (R + h) u has the normal u - h_lon / ((R + h) cos(lat)) east
+// Normals of a height field at its samples, for shading that knows nothing of the triangles drawn: from
+// central differences, one-sided at a border, over filled heights where samples are void. Flat: x east, y
+// north, z up. On a planet in the planet's frame: X = (R + h) u has the normal u - h_lon / ((R + h) cos(lat))
+// east
 // - h_lat / (R + h) north, u the direction; a pole's is that of the plane that fits the row beside it best.
 //
 // A texel has a channel of 8 bits for each component, 127 being 0 (level ground stays level), and alpha 255:
@@ -19,8 +20,8 @@ class Normals {
  public:
   explicit Normals(const FieldFrame& frame);
 
-  /// Rows that the normals of rows [first, end) need: from `first` to `end`, both excluded, less what is past the
-  /// field.
+  /// Rows that the normals of rows [first, end) need: from `first` to `end`, both excluded, less what is past
+  /// the field.
   int64_t first_needed(int64_t first) const { return std::max<int64_t>(first - 1, 0); }
   int64_t end_needed(int64_t end) const { return std::min(end + 1, frame_.rows); }
 
@@ -41,6 +42,7 @@ class Normals {
 };
 
 /// Texels of rows [first, end), on all threads.
-std::vector<uint32_t> normal_texels(const Normals& normals, const HeightRows& rows, int64_t first, int64_t end);
+std::vector<uint32_t> normal_texels(const Normals& normals, const HeightRows& rows, int64_t first,
+                                    int64_t end);
 
 }  // namespace lodlab

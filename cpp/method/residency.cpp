@@ -7,8 +7,8 @@
 namespace lodlab {
 
 Residency::Residency(const std::shared_ptr<const Store>& store, Setup setup)
-    : Residency(std::shared_ptr<Loader>(new Loader{
-                    PageCache(store, setup.cpu_bytes, setup.fetch_delay, setup.decode), {}}),
+    : Residency(std::shared_ptr<Loader>(
+                    new Loader{PageCache(store, setup.cpu_bytes, setup.fetch_delay, setup.decode), {}}),
                 setup) {}
 
 Residency::Residency(const Residency& host, Setup setup) : Residency(host.loader_, std::move(setup)) {}

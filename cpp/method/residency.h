@@ -41,8 +41,8 @@ class Residency {
   };
   /// Reads the roots when streaming, so that the first frame does not wait for storage.
   Residency(const std::shared_ptr<const Store>& store, Setup setup);
-  /// Loads through another one's loader and cache in main memory, whose size, delay and decode hold for both: one queue,
-  /// in which priorities compare. It has GPU memory of its own.
+  /// Loads through another one's loader and cache in main memory, whose size, delay and decode hold for both:
+  /// one queue, in which priorities compare. It has GPU memory of its own.
   Residency(const Residency& host, Setup setup);
 
   bool streams() const { return setup_.stream; }

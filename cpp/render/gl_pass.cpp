@@ -19,7 +19,11 @@ unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, Ma
   // The class picture is drawn with voids filled: a hole that relief hides in one picture and a lower ridge
   // shows in the other is no crack.
   const bool holes = field.has_coverage() && show_ != shader_show(Show::kClass);
-  const Variant variant{show_, field.frame().planet, holes, {maps.colors && shades, maps.normals && (shades || normals)}, feedback};
+  const Variant variant{show_,
+                        field.frame().planet,
+                        holes,
+                        {maps.colors && shades, maps.normals && (shades || normals)},
+                        feedback};
   const unsigned name = program_of(program, variant);
   const CameraBlock block = make_camera_block(camera_, field.frame());
   block_.upload(0, std::as_bytes(std::span(&block, 1)));

@@ -25,8 +25,8 @@ enum class Show {
   kNone,    ///< nothing: rasterizer off (benchmarks)
 };
 
-/// Maps of attributes that a method has for its surface. Normals that it has shade pictures in place of the drawn
-/// triangles' own.
+/// Maps of attributes that a method has for its surface. Normals that it has shade pictures in place of the
+/// drawn triangles' own.
 struct Maps {
   bool colors = false, normals = false;
   auto operator<=>(const Maps&) const = default;
@@ -75,8 +75,9 @@ class Pass {
   /// Binds the program's variant for this pass, the camera block and the field's resources, and returns
   /// the GL program name (for the method's own uniforms). Called before the method's draw calls, again
   /// after any other program was bound. The stages compile with LODLAB_COLORS and LODLAB_NORMALS
-  /// where the pass shows a map that there is; the method binds its sampler2DArrays to their units. Between use() and the
-  /// last draw call that belongs to it no other program may be bound (a capture may be running).
+  /// where the pass shows a map that there is; the method binds its sampler2DArrays to their units. Between
+  /// use() and the last draw call that belongs to it no other program may be bound (a capture may be
+  /// running).
   virtual unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) = 0;
   /// Triangles that one use() takes well. Where a draw submits more, the method may split it and call use()
   /// again in between: a capture then needs less memory. No limit in pictures.

@@ -37,10 +37,9 @@ double worst(const HeightField& field, const std::function<glm::dvec3(int64_t ro
 TEST_CASE("a plane has its own normal everywhere, at borders too") {
   FieldFrame frame = synthetic::flat(7, 9, 2.0);
   frame.dy = 5.0;
-  const auto field =
-      synthetic::field(frame, [](int64_t row, int64_t col) {
-        return static_cast<double>(3 * col - 4 * row);  // z = 1.5 x + 0.8 y
-      });
+  const auto field = synthetic::field(frame, [](int64_t row, int64_t col) {
+    return static_cast<double>(3 * col - 4 * row);  // z = 1.5 x + 0.8 y
+  });
   CHECK(worst(*field, [](int64_t, int64_t) { return glm::dvec3(-1.5, -0.8, 1.0); }) < 1e-6);
 }
 

@@ -160,7 +160,8 @@ TEST_CASE("without streaming a unit counts as resident, and is read when it is d
   CHECK(residency.offset(9) == 0);
 }
 
-TEST_CASE("two that share a loader are both served, most wanted first, in one cache; GPU memory is their own") {
+TEST_CASE(
+    "two that share a loader are both served, most wanted first, in one cache; GPU memory is their own") {
   const TemporaryFolder folder;
   Residency::Setup setup = setup_of(4 * kBytes);
   setup.cpu_bytes = 4 * kBytes;
@@ -182,7 +183,8 @@ TEST_CASE("two that share a loader are both served, most wanted first, in one ca
     CHECK(page->page->size() == 10);
   }
   CHECK(dropped.empty());
-  // Room for three pages of the host and some of the guest's: what is wanted least is left out, whoever wants it.
+  // Room for three pages of the host and some of the guest's: what is wanted least is left out, whoever wants
+  // it.
   host.want({{5, 1.0}, {6, 2.0}, {7, 3.0}, {8, 4.0}, {9, 5.0}});
   guest.want({{5, 10.0}, {6, 0.1}});
   guest.settle();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The store of `full`: the heights as they are, the coverage mask, and maps: the colour raster if one is given, normals if they are asked for.
+// The store of `full`: the heights as they are, the coverage mask, and maps: the colour raster if one is
+// given, normals if they are asked for.
 #include <atomic>
 #include <mutex>
 

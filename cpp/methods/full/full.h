@@ -9,7 +9,8 @@
 
 namespace lodlab::full {
 
-/// Pages of a store. Heights, colours, normals: blocks of rows (rows_per_page), as method/sample_code.h has them.
+/// Pages of a store. Heights, colours, normals: blocks of rows (rows_per_page), as method/sample_code.h has
+/// them.
 enum PageKind : int { kHeights = 0, kCoverage = 1, kColors = 2, kNormals = 3 };
 
 /// Rows of 4-byte samples in one page: about 256 KiB.

@@ -230,6 +230,9 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
     gpu_ = std::make_shared<Gpu>(forest, *paging_, *maps_, texels_per_pixel_);
     for (uint32_t i = 0; paging_->streams() && i < paging_->roots(); ++i)
       gpu_->bring(i, std::nullopt, pass.submitted);
+    for (MapMemory& it : gpu_->maps) {
+      if (paging_->streams()) it.bring_root(pass.submitted);
+    }
   }
   Gpu& gpu = *gpu_;
   gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));

@@ -54,8 +54,7 @@ MapWriter::MapWriter(PageKind kind, const FieldFrame& frame, const MapTiles& til
     : kind_(kind), tiles_(tiles), writer_(writer) {
   for (int level = 0; level < tiles.levels(); ++level) {
     const int log2 = tiles.finer_log2() - level;
-    const int64_t more =
-        frame.wraps ? int64_t{2} * MapTiles::kBorder << (tiles.levels() - 1 - level) : 0;
+    const int64_t more = frame.wraps ? int64_t{2} * MapTiles::kBorder << (tiles.levels() - 1 - level) : 0;
     levels_.push_back({-more, scaled(frame.cols, log2) + 2 * more, scaled(frame.rows, log2), 0, 0, 0, 0, {}});
   }
 }
@@ -131,7 +130,8 @@ void put_colors(const std::string& file, const FieldFrame& frame, const Layout& 
   const int finer = finer_log2(image, frame);
   const MapTiles tiles = MapTiles::choose(layout, finer, "attribute " + file);
   MapWriter map(kColors, frame, tiles, writer);
-  const double step_x = std::ldexp(static_cast<double>(image.width) / static_cast<double>(frame.cols), -finer);
+  const double step_x =
+      std::ldexp(static_cast<double>(image.width) / static_cast<double>(frame.cols), -finer);
   const double step_y =
       std::ldexp(static_cast<double>(image.height) / static_cast<double>(frame.rows), -finer);
   while (map.taken() < map.rows()) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Maps on their way to the store: their finest level comes by rows, from north to south; each level keeps no more of
-// its rows than the next tiles need, so that a map may be larger than memory. No GL.
+// Maps on their way to the store: their finest level comes by rows, from north to south; each level keeps no
+// more of its rows than the next tiles need, so that a map may be larger than memory. No GL.
 #pragma once
 
 #include <string>
@@ -19,8 +19,8 @@ class MapWriter {
  public:
   MapWriter(PageKind kind, const FieldFrame& frame, const MapTiles& tiles, StoreWriter& writer);
 
-  /// Texels of a row of level 0: first_col() is the first one's column. Where columns wrap, a row goes on round the planet
-  /// on both sides, as far as coarser levels look.
+  /// Texels of a row of level 0: first_col() is the first one's column. Where columns wrap, a row goes on
+  /// round the planet on both sides, as far as coarser levels look.
   int64_t first_col() const { return levels_[0].first_col; }
   int64_t cols() const { return levels_[0].cols; }
   int64_t rows() const { return levels_[0].rows; }

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "gl/error.h"
 
@@ -14,7 +13,6 @@ namespace {
 
 constexpr unsigned kFirstSlot = 2;
 constexpr int64_t kFewestLayers = 8;
-constexpr double kForever = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -33,11 +31,11 @@ std::optional<MapMemory::Row> MapMemory::row(const Patch& patch, render::Submitt
   if (patch.tile[map_] < 0) return Row{};
   Residency& pool = paging_.residency(map_);
   uint32_t unit = paging_.unit(map_, patch.tile[map_]);
-  if (paging_.streams()) {
-    while (unit != MapPaging::kRoot && pool.offset(unit) < 0) unit = paging_.parent(map_, unit);
+  if (!paging_.streams()) {
+    if (!bring(unit, true, submitted)) return std::nullopt;
+  } else {
+    while (pool.offset(unit) < 0) unit = paging_.parent(map_, unit);
   }
-  const bool locked = paging_.streams() && unit == MapPaging::kRoot;
-  if ((!paging_.streams() || locked) && !bring(unit, true, kForever, submitted)) return std::nullopt;
   const MapPlace place = paging_.maps().place(map(), paging_.tile(map_, unit), patch.row, patch.col);
   return Row{place, static_cast<float>(pool.offset(unit) / map().tiles.bytes())};
 }
@@ -61,15 +59,17 @@ void MapMemory::grow(int64_t layers) {
 
 void MapMemory::admit(const Residency::Want& want, render::Submitted& submitted) {
   const uint32_t parent = paging_.parent(map_, want.unit);
-  if (parent != MapPaging::kRoot && paging_.residency(map_).offset(parent) < 0) return;
-  bring(want.unit, false, want.priority, submitted);
+  if (paging_.residency(map_).offset(parent) < 0) return;
+  bring(want.unit, false, submitted, want.priority);
 }
 
-bool MapMemory::bring(uint32_t unit, bool wait, double worth, render::Submitted& submitted) {
+void MapMemory::bring_root(render::Submitted& submitted) { bring(MapPaging::kRoot, true, submitted); }
+
+bool MapMemory::bring(uint32_t unit, bool wait, render::Submitted& submitted, double worth) {
   Residency& pool = paging_.residency(map_);
   if (wait) pool.touch(unit);
   if (pool.offset(unit) >= 0) return true;
-  const auto upload = pool.admit(unit, wait, dropped_, wait ? 0.0 : worth);
+  const auto upload = pool.admit(unit, wait, dropped_, worth);
   dropped_.clear();
   if (!upload) return false;
   const MapTiles::Tile tile = map().tiles.at(paging_.tile(map_, unit));
@@ -78,8 +78,8 @@ bool MapMemory::bring(uint32_t unit, bool wait, double worth, render::Submitted&
   const std::byte* texels = upload->page->data();
   for (int mip = 0; mip < MapTiles::kMips; ++mip) {
     const int64_t cols = tile.cols >> mip, rows = tile.rows >> mip;
-    texture_.upload_rgba(mip, static_cast<int>(layer), 0, 0, static_cast<int>(cols),
-                         static_cast<int>(rows), texels);
+    texture_.upload_rgba(mip, static_cast<int>(layer), 0, 0, static_cast<int>(cols), static_cast<int>(rows),
+                         texels);
     texels += 4 * cols * rows;
   }
   submitted.upload_bytes += static_cast<int64_t>(upload->page->size());

@@ -34,8 +34,8 @@ const std::vector<Patch>& MapPaging::patches(const CutNode& picked, const Camera
   return patches_;
 }
 
-/// A tile is worth the length, in pixels, that a texel would have in its place: one of the next level. Whether
-/// the patch's tile is there.
+/// A tile is worth the length, in pixels, that a texel would have in its place: one of the next level.
+/// Whether the patch's tile is there.
 bool MapPaging::need(size_t map, const Patch& patch) {
   Residency& pool = pools_[map];
   const uint32_t first = unit(map, patch.tile[map]);
@@ -61,9 +61,10 @@ void MapPaging::select(const Camera& camera, Cut& cut) {
   }
   for (size_t i = 0; i < count(); ++i) {
     // Patches share tiles: the last of equals is the most urgent.
-    std::stable_sort(wants_[i].begin(), wants_[i].end(), [](const Residency::Want& a, const Residency::Want& b) {
-      return a.unit != b.unit ? a.unit < b.unit : a.priority > b.priority;
-    });
+    std::stable_sort(wants_[i].begin(), wants_[i].end(),
+                     [](const Residency::Want& a, const Residency::Want& b) {
+                       return a.unit != b.unit ? a.unit < b.unit : a.priority > b.priority;
+                     });
     const auto same = [](const Residency::Want& a, const Residency::Want& b) { return a.unit == b.unit; };
     wants_[i].erase(std::unique(wants_[i].begin(), wants_[i].end(), same), wants_[i].end());
     pools_[i].want(std::move(wants_[i]));

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Maps of attributes (colours, normals) as pyramids of tiles that know nothing of grids. Level 0 has
 // 2^finer_log2 texels a sample, each level half as many. A tile has 2^side_log2 texels a side and a border of
-// kBorder around them, taken from its neighbours, so that it has kMips mip levels of its own, each equal to the
-// pyramid's level so much coarser. So a picture does not show which level a tile is of, nor where it ends: the
-// GPU's own choice of a mip level leads to the same texels.
+// kBorder around them, taken from its neighbours, so that it has kMips mip levels of its own, each equal to
+// the pyramid's level so much coarser. So a picture does not show which level a tile is of, nor where it
+// ends: the GPU's own choice of a mip level leads to the same texels.
 //
 // Texel i of level 0 covers samples from i to i + 1 in units of 2^-finer_log2, sample c being centred at c +
 // 1/2.
@@ -25,8 +25,8 @@ class MapTiles {
   static constexpr int kLeastLog2 = 8, kMostLog2 = 10;  ///< of side_log2
 
   MapTiles(const Layout& layout, int finer_log2, int side_log2);
-  /// For a map with so many texels a sample. InvalidInput, naming `what`, where a block would need tiles of more than
-  /// 2^kMostLog2 texels a side.
+  /// For a map with so many texels a sample. InvalidInput, naming `what`, where a block would need tiles of
+  /// more than 2^kMostLog2 texels a side.
   static MapTiles choose(const Layout& layout, int finer_log2, const std::string& what);
   /// As the array `name` of a store says.
   static MapTiles stored(const Store& store, const std::string& name, const Layout& layout);
@@ -64,7 +64,8 @@ class MapTiles {
   std::vector<int64_t> first_;  ///< id of each level's first tile; their number
 };
 
-/// Room, in tiles, that a texture of so many layers needs with what it grew from; and the layers that a room allows.
+/// Room, in tiles, that a texture of so many layers needs with what it grew from; and the layers that a room
+/// allows.
 inline int64_t slots_of(int64_t layers) { return layers + (layers + 3) / 4; }
 inline int64_t layers_in(int64_t slots) { return slots * 4 / 5; }
 

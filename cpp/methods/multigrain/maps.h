@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The maps of an opened store, colours and normals, and which of their tiles (map_tiles.h) a view needs: each has a
-// resolution of its own at each node, whatever the node's grid. No GL.
+// The maps of an opened store, colours and normals, and which of their tiles (map_tiles.h) a view needs: each
+// has a resolution of its own at each node, whatever the node's grid. No GL.
 #pragma once
 
 #include <array>
@@ -25,7 +25,8 @@ struct Patch {
   int32_t row, col;  ///< its first sample
   int size_log2;
   std::array<int64_t, kMostMaps> tile{-1, -1};  ///< by map; -1: out of sight
-  /// Texels of the tile's level in the length of a pixel where the patch is nearest, as texels_per_pixel has it.
+  /// Texels of the tile's level in the length of a pixel where the patch is nearest, as texels_per_pixel has
+  /// it.
   std::array<double, kMostMaps> density{};
 };
 
@@ -42,8 +43,8 @@ class Maps {
   const std::vector<Map>& all() const { return maps_; }
 
   /// The patches of a node that is drawn with this stride: as many as it takes for each to have
-  /// `texels_per_pixel` texels a pixel of every map where it is nearest, or all that there are. One patch, without
-  /// tiles, for a node out of sight, and where there are no maps.
+  /// `texels_per_pixel` texels a pixel of every map where it is nearest, or all that there are. One patch,
+  /// without tiles, for a node out of sight, and where there are no maps.
   void patches(uint32_t node, int stride_log2, const Camera& camera, double texels_per_pixel,
                std::vector<Patch>& out) const;
   /// `tile` covers the sample.

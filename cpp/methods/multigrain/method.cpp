@@ -75,10 +75,9 @@ std::vector<OptionSpec> option_table() {
        0.125,
        8.0},
   };
-  add_paging_options(table,
-                     {"Load heights and maps while flying; false loads what a frame draws before it.",
-                      "Decoded heights and maps kept in main memory.",
-                      "Heights and maps kept on the GPU, with the grids."});
+  add_paging_options(table, {"Load heights and maps while flying; false loads what a frame draws before it.",
+                             "Decoded heights and maps kept in main memory.",
+                             "Heights and maps kept on the GPU, with the grids."});
   return table;
 }
 

@@ -64,7 +64,8 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
       }
     }
   }
-  const int64_t per_node = 2 * (44 + 16 * static_cast<int64_t>(maps));  // instance, command; buffers may double
+  const int64_t per_node =
+      2 * (44 + 16 * static_cast<int64_t>(maps));  // instance, command; buffers may double
   const FieldFrame& frame = forest.frame;
   const int64_t tables = frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0;
   const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
@@ -78,7 +79,8 @@ struct Pool {
   int64_t capacity = 0;        ///< bytes: whole slots
 };
 
-/// Gives each pool its least and parts the rest of the room equally; what one has no use for goes to the others.
+/// Gives each pool its least and parts the rest of the room equally; what one has no use for goes to the
+/// others.
 void part(int64_t room, std::vector<Pool>& pools) {
   std::vector<Pool*> order;
   for (Pool& pool : pools) {
@@ -146,7 +148,8 @@ Paging::Plan Paging::plan(const std::shared_ptr<const Forest>& forest, const Opt
     refuse("the coarsest heights, a path to the finest" + texels + ", and the grids", "gpu_cache_mb", least,
            caches.gpu_bytes);
   }
-  if (roots > setup.cpu_bytes) refuse("the coarsest heights" + texels, "cpu_cache_mb", roots, setup.cpu_bytes);
+  if (roots > setup.cpu_bytes)
+    refuse("the coarsest heights" + texels, "cpu_cache_mb", roots, setup.cpu_bytes);
   part(room, pools);
   setup.capacity = pools[0].capacity;
   Plan plan{std::move(setup), {}};
