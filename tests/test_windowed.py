@@ -25,6 +25,7 @@ BUILDS = (
     {"chart": 64, "levels": 3, "node_resolution": 32},
     {"chart": 32, "levels": 2, "node_resolution": 16, "finest_error": 20.0},
     {"bounds": "bilinear"},
+    {"normals": "attribute", "chart": 64, "levels": 3},
 )
 
 

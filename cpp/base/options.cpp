@@ -161,10 +161,16 @@ Options resolve_options(const std::string& owner, const std::vector<OptionSpec>&
     const auto spec = std::find_if(table.begin(), table.end(),
                                    [&](const OptionSpec& s) { return s.name == name && s.stage == stage; });
     if (spec == table.end()) {
+      const bool other =
+          std::any_of(table.begin(), table.end(), [&](const OptionSpec& s) { return s.name == name; });
       std::string known;
       for (const auto& [key, unused] : out.values_) known += (known.empty() ? "" : ", ") + key;
       throw InvalidInput(owner + ": unknown " + (stage == Stage::kBuild ? "build" : "draw") + " option '" +
-                         name + "'; known: " + (known.empty() ? "none" : known));
+                         name + "'" +
+                         (!other                   ? ""
+                          : stage == Stage::kBuild ? ", which is said when drawing"
+                                                   : ", which is said when building: build a store with it") +
+                         "; known: " + (known.empty() ? "none" : known));
     }
     out.values_[name] = convert(owner, *spec, value);
   }

@@ -7,29 +7,40 @@
 namespace lodlab {
 
 Residency::Residency(const std::shared_ptr<const Store>& store, Setup setup)
+    : Residency(std::shared_ptr<Loader>(
+                    new Loader{PageCache(store, setup.cpu_bytes, setup.fetch_delay, setup.decode), {}}),
+                setup) {}
+
+Residency::Residency(const Residency& host, Setup setup) : Residency(host.loader_, std::move(setup)) {}
+
+Residency::Residency(std::shared_ptr<Loader> loader, Setup setup)
     : setup_(std::move(setup)),
-      cache_(store, setup_.cpu_bytes, setup_.fetch_delay, setup_.decode),
+      loader_(std::move(loader)),
+      turn_(loader_->asked.size()),
       place_(setup_.units.size()) {
+  loader_->asked.emplace_back();
   free_[0] = setup_.capacity;
   for (uint32_t i = 0; setup_.stream && i < setup_.roots; ++i) {
     const Unit& unit = setup_.units[i];
-    cache_.load(setup_.kind, unit.page);
-    if (unit.beside > 0) cache_.load(setup_.beside_kind, unit.page);
+    loader_->cache.load(setup_.kind, unit.page);
+    if (unit.beside > 0) loader_->cache.load(setup_.beside_kind, unit.page);
   }
 }
 
 void Residency::want(std::vector<Want> wants) {
   std::stable_sort(wants.begin(), wants.end(),
                    [](const Want& a, const Want& b) { return a.priority > b.priority; });
-  std::vector<PageCache::Want> pages;
-  pages.reserve(wants.size());
+  std::vector<PageCache::Want>& pages = loader_->asked[turn_];
+  pages.clear();
   for (const Want& want : wants) pages.push_back({setup_.kind, setup_.units[want.unit].page, want.priority});
   for (const Want& want : wants) {
     const Unit& unit = setup_.units[want.unit];
     if (unit.beside > 0) pages.push_back({setup_.beside_kind, unit.page, want.priority});
   }
   wanted_ = std::move(wants);
-  cache_.want(std::move(pages));
+  std::vector<PageCache::Want> all;
+  for (const auto& asked : loader_->asked) all.insert(all.end(), asked.begin(), asked.end());
+  loader_->cache.want(std::move(all));
 }
 
 /// First fit.
@@ -85,7 +96,7 @@ std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::v
                                                   double worth) {
   const Unit& unit = setup_.units[id];
   const auto page = [&](int kind) {
-    return wait ? cache_.load(kind, unit.page) : cache_.find(kind, unit.page);
+    return wait ? loader_->cache.load(kind, unit.page) : loader_->cache.find(kind, unit.page);
   };
   Upload upload{id, -1, page(setup_.kind), nullptr};
   if (unit.beside > 0) upload.beside = page(setup_.beside_kind);

@@ -41,6 +41,9 @@ class Residency {
   };
   /// Reads the roots when streaming, so that the first frame does not wait for storage.
   Residency(const std::shared_ptr<const Store>& store, Setup setup);
+  /// Loads through another one's loader and cache in main memory, whose size, delay and decode hold for both:
+  /// one queue, in which priorities compare. It has GPU memory of its own.
+  Residency(const Residency& host, Setup setup);
 
   bool streams() const { return setup_.stream; }
   bool resident(uint32_t unit) const {
@@ -68,7 +71,7 @@ class Residency {
   /// Wanted units that may be admitted now, most important first.
   const std::vector<Want>& wanted() const { return wanted_; }
   /// Blocks until all that was asked for is in main memory.
-  void settle() { cache_.settle(); }
+  void settle() { loader_->cache.settle(); }
 
   /// How many units have been made resident so far; the same number, the same units.
   int64_t admitted() const { return admitted_; }
@@ -91,6 +94,12 @@ class Residency {
   std::optional<Upload> admit(uint32_t unit, bool wait, std::vector<uint32_t>& dropped, double worth = 0.0);
 
  private:
+  struct Loader {
+    PageCache cache;
+    std::vector<std::vector<PageCache::Want>> asked;  ///< by who shares it
+  };
+  Residency(std::shared_ptr<Loader> loader, Setup setup);
+
   struct Place {
     int64_t offset = -1;
     uint64_t used = 0;
@@ -101,7 +110,8 @@ class Residency {
   bool drop_one(double worth, std::vector<uint32_t>& dropped);
 
   Setup setup_;
-  PageCache cache_;
+  std::shared_ptr<Loader> loader_;
+  size_t turn_;  ///< its place in Loader::asked
   int64_t beside_used_ = 0, admitted_ = 0;
   uint64_t frame_ = 1;
   std::vector<Place> place_;

@@ -13,12 +13,17 @@ namespace lodlab::render {
 DrawPass::DrawPass(const Camera& camera, int show, bool everything)
     : Pass(camera, everything), show_(show), block_(sizeof(CameraBlock)) {}
 
-unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, bool attribute, bool feedback) {
-  const bool colours = show_ == shader_show(Show::kShade);
+unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, Maps maps, bool feedback) {
+  // Level colours and wire pictures show the triangles: theirs are the normals there.
+  const bool shades = show_ == shader_show(Show::kShade), normals = show_ == shader_show(Show::kNormal);
   // The class picture is drawn with voids filled: a hole that relief hides in one picture and a lower ridge
   // shows in the other is no crack.
   const bool holes = field.has_coverage() && show_ != shader_show(Show::kClass);
-  const Variant variant{show_, field.frame().planet, holes, attribute && colours, feedback};
+  const Variant variant{show_,
+                        field.frame().planet,
+                        holes,
+                        {maps.colors && shades, maps.normals && (shades || normals)},
+                        feedback};
   const unsigned name = program_of(program, variant);
   const CameraBlock block = make_camera_block(camera_, field.frame());
   block_.upload(0, std::as_bytes(std::span(&block, 1)));
@@ -29,8 +34,8 @@ unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, bo
   return name;
 }
 
-unsigned DrawPass::use(SurfaceProgram& program, const FieldResources& field, bool attribute) {
-  return bind(program, field, attribute, false);
+unsigned DrawPass::use(SurfaceProgram& program, const FieldResources& field, Maps maps) {
+  return bind(program, field, maps, false);
 }
 
 CapturePass::CapturePass(const Camera& camera, bool everything, const gl::Buffer& buffer)
@@ -44,9 +49,9 @@ CapturePass::~CapturePass() {
   glEndQuery(GL_PRIMITIVES_GENERATED);
 }
 
-unsigned CapturePass::use(SurfaceProgram& program, const FieldResources& field, bool attribute) {
+unsigned CapturePass::use(SurfaceProgram& program, const FieldResources& field, Maps maps) {
   finish();
-  const unsigned name = bind(program, field, attribute, true);
+  const unsigned name = bind(program, field, maps, true);
   glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, buffer_.id());
   generated_.begin();
   glBeginTransformFeedback(GL_TRIANGLES);

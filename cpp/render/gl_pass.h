@@ -15,11 +15,11 @@ class DrawPass : public Pass {
  public:
   /// `show` is a value of LODLAB_SHOW.
   DrawPass(const Camera& camera, int show, bool everything);
-  unsigned use(SurfaceProgram& program, const FieldResources& field, bool attribute) override;
+  unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) override;
 
  protected:
   /// Binds program, camera block and field for this variant.
-  unsigned bind(SurfaceProgram& program, const FieldResources& field, bool attribute, bool feedback);
+  unsigned bind(SurfaceProgram& program, const FieldResources& field, Maps maps, bool feedback);
 
  private:
   int show_;
@@ -31,7 +31,7 @@ class CapturePass : public DrawPass {
  public:
   CapturePass(const Camera& camera, bool everything, const gl::Buffer& buffer);
   ~CapturePass() override;  ///< stops a capture that an exception left running
-  unsigned use(SurfaceProgram& program, const FieldResources& field, bool attribute) override;
+  unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) override;
   int64_t batch_triangles() const override { return kBatch; }
 
   /// Ends the last segment. Bytes that the largest segment needs: more than the buffer's means that

@@ -3,6 +3,7 @@
 // A method supplies vertices; everything after its last geometry stage is shared (shaders/common).
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
@@ -17,12 +18,21 @@ namespace lodlab::render {
 
 /// What the shared fragment shader shows.
 enum class Show {
-  kShade,   ///< hillshade with height tints, or the colour attribute where there is one
-  kNormal,  ///< geometric normal as colour
+  kShade,   ///< hillshade with height tints, or the colour map where there is one
+  kNormal,  ///< the normal that shades, as colour
   kLevel,   ///< a colour per hierarchy level
   kClass,   ///< red channel: 0 nothing, 255 the outside of the surface, 128 its inside; voids filled
   kNone,    ///< nothing: rasterizer off (benchmarks)
 };
+
+/// Maps of attributes that a method has for its surface. Normals that it has shade pictures in place of the
+/// drawn triangles' own.
+struct Maps {
+  bool colors = false, normals = false;
+  auto operator<=>(const Maps&) const = default;
+};
+/// Texture units of their sampler2DArrays (surface.frag).
+enum MapUnit : unsigned { kColorUnit = 0, kNormalUnit = 1 };
 
 /// What was really submitted by a draw.
 struct Submitted {
@@ -36,7 +46,7 @@ class FieldResources;
 std::shared_ptr<const FieldResources> make_field_resources(const FieldFrame& frame, const Bytes& coverage);
 
 /// The method's stages plus the shared fragment shader and the transform feedback layout. Variants (by
-/// Show, planet, coverage, attribute) compile on first use. `stages` maps a stage ("vertex", "geometry",
+/// Show, planet, coverage, maps) compile on first use. `stages` maps a stage ("vertex", "geometry",
 /// "tess_control", "tess_evaluation") to a file below the shader folder, as "chunked/chunk.vert".
 /// Every stage that ends the geometry includes "common/surface_out.glsl" and calls emit_surface().
 class SurfaceProgram {
@@ -64,10 +74,11 @@ class Pass {
   bool everything() const { return everything_; }
   /// Binds the program's variant for this pass, the camera block and the field's resources, and returns
   /// the GL program name (for the method's own uniforms). Called before the method's draw calls, again
-  /// after any other program was bound. With `attribute` the stages compile with LODLAB_ATTRIBUTE where the
-  /// pass shows colours; the method then binds its sampler2DArray to texture unit 0. Between use() and the
-  /// last draw call that belongs to it no other program may be bound (a capture may be running).
-  virtual unsigned use(SurfaceProgram& program, const FieldResources& field, bool attribute) = 0;
+  /// after any other program was bound. The stages compile with LODLAB_COLORS and LODLAB_NORMALS
+  /// where the pass shows a map that there is; the method binds its sampler2DArrays to their units. Between
+  /// use() and the last draw call that belongs to it no other program may be bound (a capture may be
+  /// running).
+  virtual unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) = 0;
   /// Triangles that one use() takes well. Where a draw submits more, the method may split it and call use()
   /// again in between: a capture then needs less memory. No limit in pictures.
   virtual int64_t batch_triangles() const { return INT64_MAX; }

@@ -81,7 +81,7 @@ void StaticMesh::draw(Pass& pass, const FieldResources& field) {
   if (corners_ > std::numeric_limits<GLsizei>::max() / 3 * 3) {
     throw Unsupported("drawing " + std::to_string(corners_ / 3) + " triangles with one call");
   }
-  pass.use(replay_program(), field, false);
+  pass.use(replay_program(), field, {});
   array_.bind();
   if (indexed_) {
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(corners_), GL_UNSIGNED_INT, nullptr);

@@ -20,7 +20,8 @@ std::vector<std::string> defines_of(const Variant& variant) {
   std::vector<std::string> defines = {"LODLAB_SHOW " + std::to_string(variant.show)};
   if (variant.planet) defines.push_back("LODLAB_PLANET");
   if (variant.coverage) defines.push_back("LODLAB_COVERAGE");
-  if (variant.attribute) defines.push_back("LODLAB_ATTRIBUTE");
+  if (variant.maps.colors) defines.push_back("LODLAB_COLORS");
+  if (variant.maps.normals) defines.push_back("LODLAB_NORMALS");
   return defines;
 }
 

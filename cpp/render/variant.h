@@ -16,7 +16,7 @@ struct Variant {
   int show = 0;
   bool planet = false;
   bool coverage = false;
-  bool attribute = false;
+  Maps maps;
   bool feedback = false;  ///< transform feedback captures its vertices
   auto operator<=>(const Variant&) const = default;
 };

@@ -8,7 +8,7 @@ layout(location = 1) in vec3 a_chunk;    // column and row of its corner; morph:
 layout(location = 2) in uvec3 a_tag;     // first skirt vertex, node, side in cells << 8 | level
 
 uniform vec2 u_quantum;  // quantum, base
-#ifdef LODLAB_ATTRIBUTE
+#ifdef LODLAB_COLORS
 uniform float u_texels;  // texture cells a side
 #endif
 
@@ -26,8 +26,8 @@ void main() {
     grid += 0.5 * (vec2(equal(a_vertex.xy, uvec2(0u))) - vec2(equal(a_vertex.xy, uvec2(side))));
   }
 #endif
-#ifdef LODLAB_ATTRIBUTE
-  v_attribute = vec3((vec2(a_vertex.xy) / float(a_tag.z >> 8) * u_texels + 0.5) / (u_texels + 1.0), 0.0);
+#ifdef LODLAB_COLORS
+  v_colors = vec3((vec2(a_vertex.xy) / float(a_tag.z >> 8) * u_texels + 0.5) / (u_texels + 1.0), 0.0);
 #endif
   emit_surface(surface_position(cell, height), grid, a_tag.y, a_tag.z & 255u, filler);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The one fragment shader: every method's pictures differ by geometry alone. LODLAB_SHOW selects what is
-// shown (render/variant.h). Normals are those of the drawn triangles, from derivatives of the position.
+// shown (render/variant.h). Light falls on the normals of the drawn triangles, from derivatives of the position, or on
+// those of a map (geometry/normals.h); which side of a triangle is seen is always its own matter.
 #include "common/camera.glsl"
 #include "common/palette.glsl"
 
@@ -30,9 +31,13 @@ bool covered() {
   return (covered_bits[bit >> 5] >> (bit & 31u) & 1u) != 0u;
 }
 #endif
-#ifdef LODLAB_ATTRIBUTE
-in vec3 v_attribute;
-layout(binding = 0) uniform sampler2DArray attribute_map;
+#ifdef LODLAB_COLORS
+in vec3 v_colors;
+layout(binding = 0) uniform sampler2DArray color_map;
+#endif
+#ifdef LODLAB_NORMALS
+in vec3 v_normals;
+layout(binding = 1) uniform sampler2DArray normal_map;
 #endif
 
 layout(location = 0) out vec4 color;
@@ -66,6 +71,17 @@ bool seen_from_outside(vec3 normal) {
   return vertical(normal) ? gl_FrontFacing : dot(normal, local_up()) > 0.0;
 }
 
+/// The normal that shades. A skirt fills a crack of a pixel or less: it is lit like level ground, or it would show
+/// as dark dots.
+vec3 shading_normal(vec3 drawn) {
+#ifdef LODLAB_NORMALS
+  const vec3 mapped = texture(normal_map, v_normals).rgb * (255.0 / 127.0) - 1.0;
+  return mapped * inversesqrt(max(dot(mapped, mapped), 1e-12));
+#else
+  return vertical(drawn) ? local_up() : drawn;
+#endif
+}
+
 /// Share of the sun's light: north-west, 45 degrees high, with a little ambient; 1 on level ground.
 float hillshade(vec3 normal) {
 #ifdef LODLAB_PLANET
@@ -97,17 +113,20 @@ vec3 shown() {
 #if LODLAB_SHOW == SHOW_CLASS
   return vec3(seen_from_outside(normal) ? 1.0 : 128.0 / 255.0, 0.0, 0.0);
 #elif LODLAB_SHOW == SHOW_NORMAL
-  return 0.5 + 0.5 * normal;
+#ifdef LODLAB_NORMALS
+  return 0.5 + 0.5 * shading_normal(normal);
 #else
-  // A skirt fills a crack of a pixel or less: it is lit like level ground, or it would show as dark dots.
-  const float light = hillshade(vertical(normal) ? local_up() : normal);
+  return 0.5 + 0.5 * normal;
+#endif
+#else
+  const float light = hillshade(shading_normal(normal));
   if (!seen_from_outside(normal)) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
 #if LODLAB_SHOW == SHOW_LEVEL
   return level_color(v_bits >> 1) * (0.45 + 0.55 * min(light, 1.15));
 #elif LODLAB_SHOW == SHOW_FILL
   return mix(vec3(1.0), level_color(v_bits >> 1), 0.3) * (0.6 + 0.4 * min(light, 1.0));
-#elif defined(LODLAB_ATTRIBUTE)
-  return texture(attribute_map, v_attribute).rgb * min(light, 1.2);
+#elif defined(LODLAB_COLORS)
+  return texture(color_map, v_colors).rgb * min(light, 1.2);
 #else
   return height_tint(height(), camera.tint) * min(light, 1.2);
 #endif

@@ -12,8 +12,12 @@ flat out uint v_bits;   // level << 1 | filler
 #ifdef LODLAB_PLANET
 out float v_height;     // above the sphere, at the vertex: between vertices a triangle sags
 #endif
-#ifdef LODLAB_ATTRIBUTE
-out vec3 v_attribute;   // u, v, layer: the method sets it beside emit_surface()
+// Places in maps (u, v, layer): the method sets them beside emit_surface().
+#ifdef LODLAB_COLORS
+out vec3 v_colors;
+#endif
+#ifdef LODLAB_NORMALS
+out vec3 v_normals;
 #endif
 
 void emit_surface(vec3 relative, vec2 grid, uint node, uint level, bool filler) {

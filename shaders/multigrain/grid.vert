@@ -25,8 +25,12 @@ vec3 relative_position(ivec2 col_row, Vertex at) { return surface_position(col_r
 layout(location = 0) in Vertex a_vertex;
 layout(location = 1) in ivec4 a_place;  // first column and row; index of its vertex; rows of the tile
 layout(location = 2) in uvec2 a_tag;    // node; level << 16 | log2 of its side << 8 | log2 of its stride
-#ifdef LODLAB_ATTRIBUTE
-layout(location = 3) in vec4 a_colors;  // u and v of its first sample; from one sample to the next; layer
+// In the node's tile of a map: u and v of its first sample; from one sample to the next; layer.
+#ifdef LODLAB_COLORS
+layout(location = 3) in vec4 a_colors;
+#endif
+#ifdef LODLAB_NORMALS
+layout(location = 4) in vec4 a_normals;
 #endif
 
 layout(std430, binding = 3) readonly buffer Vertices { Vertex vertices[]; };
@@ -62,7 +66,10 @@ void main() {
   }
   ivec2 cell = ivec2(at.col, at.row);
   emit_surface(relative_position(cell, own), surface_grid(cell), a_tag.x, a_tag.y >> 16, false);
-#ifdef LODLAB_ATTRIBUTE
-  v_attribute = vec3(a_colors.xy + vec2(cell - a_place.xy) * a_colors.z, a_colors.w);
+#ifdef LODLAB_COLORS
+  v_colors = vec3(a_colors.xy + vec2(cell - a_place.xy) * a_colors.z, a_colors.w);
+#endif
+#ifdef LODLAB_NORMALS
+  v_normals = vec3(a_normals.xy + vec2(cell - a_place.xy) * a_normals.z, a_normals.w);
 #endif
 }

@@ -159,3 +159,37 @@ TEST_CASE("without streaming a unit counts as resident, and is read when it is d
   CHECK(residency.admit(9, true, dropped));
   CHECK(residency.offset(9) == 0);
 }
+
+TEST_CASE(
+    "two that share a loader are both served, most wanted first, in one cache; GPU memory is their own") {
+  const TemporaryFolder folder;
+  Residency::Setup setup = setup_of(4 * kBytes);
+  setup.cpu_bytes = 4 * kBytes;
+  Residency host(quadtree(folder), setup);
+  Residency::Setup guest_setup = setup_of(3 * 10);
+  for (Residency::Unit& unit : guest_setup.units) unit.bytes = 10;
+  guest_setup.kind = 5;
+  Residency guest(host, std::move(guest_setup));
+  std::vector<uint32_t> dropped;
+  CHECK(host.admit(0, false, dropped));  // the roots of both are read
+  CHECK(guest.admit(0, false, dropped));
+  host.want({{1, 1.0}, {2, 9.0}});
+  guest.want({{1, 5.0}, {2, 0.5}});  // does not take the place of what the other one wants
+  host.settle();
+  for (const uint32_t unit : {1u, 2u}) {
+    CHECK(host.admit(unit, false, dropped));
+    const auto page = guest.admit(unit, false, dropped);
+    REQUIRE(page);
+    CHECK(page->page->size() == 10);
+  }
+  CHECK(dropped.empty());
+  // Room for three pages of the host and some of the guest's: what is wanted least is left out, whoever wants
+  // it.
+  host.want({{5, 1.0}, {6, 2.0}, {7, 3.0}, {8, 4.0}, {9, 5.0}});
+  guest.want({{5, 10.0}, {6, 0.1}});
+  guest.settle();
+  CHECK_FALSE(host.admit(5, false, dropped));
+  guest.next_frame();
+  CHECK(guest.admit(5, false, dropped));
+  CHECK_FALSE(guest.admit(6, false, dropped));
+}

@@ -160,7 +160,7 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
     pass.submitted.upload_bytes +=
         static_cast<int64_t>(gpu.instance_data.size() * (sizeof(Instance) + sizeof(Command)));
     const bool textured = !gpu.textures.empty();
-    const unsigned program = pass.use(gpu.program, *gpu.field, textured);
+    const unsigned program = pass.use(gpu.program, *gpu.field, {.colors = textured});
     glUniform2f(glGetUniformLocation(program, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
                 static_cast<float>(tree.quantizer.base));
     gpu.arrays.bind();

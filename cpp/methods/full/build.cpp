@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT
-// The store of `full`: the heights as they are, the coverage mask, and the colour raster if one is given.
+// The store of `full`: the heights as they are, the coverage mask, and maps: the colour raster if one is
+// given, normals if they are asked for.
 #include <atomic>
 #include <mutex>
 
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/coverage.h"
+#include "geometry/normals.h"
 #include "imageio/image.h"
+#include "method/maps_option.h"
 #include "method/sample_code.h"
 #include "methods/full/full.h"
 
@@ -59,6 +62,11 @@ void put_colors(const std::string& file, StoreWriter& writer, const Progress& pr
   writer.put_array("colors", as_bytes(std::vector<int64_t>{image.width, image.height}));
 }
 
+void put_normals(const HeightField& field, StoreWriter& writer, const Progress& progress) {
+  const std::vector<uint32_t> texels = normal_texels(Normals(field), field, 0, field.rows);
+  put_rows(writer, kNormals, "normals", texels.data(), field.rows, field.cols, progress);
+}
+
 }  // namespace
 
 int64_t rows_per_page(int64_t columns) { return std::max<int64_t>(1, kPageSamples / columns); }
@@ -75,6 +83,7 @@ void build(const HeightField& field, const Options& options, StoreWriter& writer
   const Bytes coverage = coverage_bits(field);
   if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
   if (!options.text("attribute").empty()) put_colors(options.text("attribute"), writer, progress);
+  if (has_normals(options)) put_normals(field, writer, progress);
   const Box box = bounds(field);
   writer.put_array("box",
                    as_bytes(std::vector<double>{box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z}));

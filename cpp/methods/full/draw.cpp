@@ -87,6 +87,25 @@ std::vector<uint32_t> make_indices(const FieldFrame& frame, const Numbering& num
   return indices;
 }
 
+/// A texture with all its mip levels, its bytes counted; none without pixels.
+gl::Texture make_map(const char* what, const FullHierarchy::Raster& raster, bool wraps, int64_t& bytes) {
+  if (raster.pixels.empty()) return {};
+  const int limit = gl::ensure_context().max_texture, side = std::max(raster.width, raster.height);
+  if (side > limit) {
+    throw Unsupported(std::string("full: ") + what + " of " + std::to_string(raster.width) + " x " +
+                      std::to_string(raster.height) + " pixels is above this device's limit of " +
+                      std::to_string(limit));
+  }
+  int levels = 1;
+  while (side >> levels != 0) ++levels;
+  gl::Texture map = gl::Texture::array(GL_RGBA8, raster.width, raster.height, 1, levels);
+  map.upload_rgba(0, 0, 0, 0, raster.width, raster.height, raster.pixels.data());
+  map.make_mips();
+  if (wraps) glTextureParameteri(map.id(), GL_TEXTURE_WRAP_S, GL_REPEAT);
+  bytes += static_cast<int64_t>(raster.pixels.size()) * 4 * 4 / 3;
+  return map;
+}
+
 }  // namespace
 
 struct FullSession::Gpu {
@@ -96,7 +115,7 @@ struct FullSession::Gpu {
   std::shared_ptr<const render::FieldResources> field;
   gl::Buffer vertices, indices;
   gl::VertexArray array;
-  gl::Texture colors;
+  gl::Texture colors, normals;
   int64_t bytes = 0;
   bool uploaded_now = true;  ///< the next draw reports the upload
 };
@@ -121,21 +140,8 @@ FullSession::Gpu::Gpu(const FullHierarchy& hierarchy) {
   array.indices(indices);
   bytes = vertices.bytes() + indices.bytes() + static_cast<int64_t>(coverage.size());
   if (frame.planet) bytes += static_cast<int64_t>(sizeof(glm::dvec2)) * (frame.rows + frame.cols + 1);
-  const FullHierarchy::Colors raster = hierarchy.colors();
-  if (raster.pixels.empty()) return;
-  const int limit = gl::ensure_context().max_texture, side = std::max(raster.width, raster.height);
-  if (side > limit) {
-    throw Unsupported("full: a colour raster of " + std::to_string(raster.width) + " x " +
-                      std::to_string(raster.height) + " pixels is above this device's limit of " +
-                      std::to_string(limit));
-  }
-  int levels = 1;
-  while (side >> levels != 0) ++levels;
-  colors = gl::Texture::array(GL_RGBA8, raster.width, raster.height, 1, levels);
-  colors.upload_rgba(0, 0, 0, 0, raster.width, raster.height, raster.pixels.data());
-  colors.make_mips();
-  if (frame.wraps) glTextureParameteri(colors.id(), GL_TEXTURE_WRAP_S, GL_REPEAT);
-  bytes += static_cast<int64_t>(raster.pixels.size()) * 4 * 4 / 3;
+  colors = make_map("a colour raster", hierarchy.colors(), frame.wraps, bytes);
+  normals = make_map("a map of normals", hierarchy.normals(), frame.wraps, bytes);
 }
 
 FullSession::FullSession(std::shared_ptr<const FullHierarchy> hierarchy, const Options& options)
@@ -151,9 +157,11 @@ void FullSession::draw(const Cut& cut, render::Pass& pass) {
   int64_t drawn = 0;
   while (drawn < total) {
     const int64_t count = std::min(total - drawn, pass.batch_triangles());
-    const unsigned program = pass.use(gpu_->program, *gpu_->field, static_cast<bool>(gpu_->colors));
-    if (gpu_->colors) {
-      gpu_->colors.bind(0);
+    const render::Maps maps{static_cast<bool>(gpu_->colors), static_cast<bool>(gpu_->normals)};
+    const unsigned program = pass.use(gpu_->program, *gpu_->field, maps);
+    if (maps.colors) gpu_->colors.bind(render::kColorUnit);
+    if (maps.normals) gpu_->normals.bind(render::kNormalUnit);
+    if (maps.colors || maps.normals) {
       const int samples = glGetUniformLocation(program, "samples");
       glProgramUniform2f(program, samples, static_cast<float>(frame.cols), static_cast<float>(frame.rows));
     }

@@ -9,8 +9,9 @@
 
 namespace lodlab::full {
 
-/// Pages of a store. Heights and colours: blocks of rows (rows_per_page), as method/sample_code.h has them.
-enum PageKind : int { kHeights = 0, kCoverage = 1, kColors = 2 };
+/// Pages of a store. Heights, colours, normals: blocks of rows (rows_per_page), as method/sample_code.h has
+/// them.
+enum PageKind : int { kHeights = 0, kCoverage = 1, kColors = 2, kNormals = 3 };
 
 /// Rows of 4-byte samples in one page: about 256 KiB.
 int64_t rows_per_page(int64_t columns);
@@ -40,12 +41,13 @@ class FullHierarchy : public Hierarchy, public std::enable_shared_from_this<Full
   int64_t triangles() const { return root_.triangles; }
   std::vector<float> heights() const;
   Bytes coverage() const;
-  /// The colour raster: RGBA8, rows from the north; empty when the store has none.
-  struct Colors {
+  /// A map: RGBA8, rows from the north; empty when the store has none.
+  struct Raster {
     int width = 0, height = 0;
     std::vector<uint32_t> pixels;
   };
-  Colors colors() const;
+  Raster colors() const;
+  Raster normals() const;
 
  private:
   std::shared_ptr<const Store> store_;

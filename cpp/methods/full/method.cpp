@@ -5,6 +5,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "method/maps_option.h"
 #include "method/sample_code.h"
 #include "methods/full/full.h"
 
@@ -17,6 +18,7 @@ std::vector<OptionSpec> option_table() {
   return {
       {"finest_error", 0.0, kBuild, "source units", "Always 0: every sample is kept as it is.", {}, 0.0, 0.0},
       {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
+      normals_option(),
       {"projection",
        std::string("strict"),
        kDraw,
@@ -100,8 +102,8 @@ Bytes FullHierarchy::coverage() const {
   return store_->has_page(kCoverage, 0) ? store_->page(kCoverage, 0) : Bytes();
 }
 
-FullHierarchy::Colors FullHierarchy::colors() const {
-  Colors colors;
+FullHierarchy::Raster FullHierarchy::colors() const {
+  Raster colors;
   if (!store_->has_page(kColors, 0)) return colors;
   const std::vector<int64_t> size = store_->array_of<int64_t>("colors");
   if (size.size() != 2) throw StoreError("full: " + store_->path() + " does not say the size of its colours");
@@ -110,6 +112,14 @@ FullHierarchy::Colors FullHierarchy::colors() const {
   colors.pixels.resize(static_cast<size_t>(size[0] * size[1]));
   read_rows(*store_, kColors, colors.pixels.data(), size[1], size[0]);
   return colors;
+}
+
+FullHierarchy::Raster FullHierarchy::normals() const {
+  if (!store_->has_page(kNormals, 0)) return {};
+  Raster out{static_cast<int>(frame_.cols), static_cast<int>(frame_.rows), {}};
+  out.pixels.resize(static_cast<size_t>(frame_.rows * frame_.cols));
+  read_rows(*store_, kNormals, out.pixels.data(), frame_.rows, frame_.cols);
+  return out;
 }
 
 }  // namespace full

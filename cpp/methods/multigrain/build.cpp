@@ -7,11 +7,13 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
+#include <optional>
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "method/maps_option.h"
 #include "method/sample_code.h"
-#include "methods/multigrain/colors.h"
+#include "methods/multigrain/map_build.h"
 #include "methods/multigrain/measure.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/tiles.h"
@@ -226,7 +228,12 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   const std::string& attribute = options.text("attribute");
   if (!attribute.empty()) put_colors(attribute, bands.frame(), layout, writer, progress);
   const Tiles tiles(layout);
-  const std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
+  std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
+  std::optional<NormalsWriter> normals;
+  if (has_normals(options)) {
+    normals.emplace(bands.frame(), layout, writer);
+    for (Step& step : steps) step.above = std::min(step.above, normals->normals().first_needed(step.first));
+  }
   const double half = 0.5 / static_cast<double>(steps.size());
   // Where grids are left out, what is drawn is known once everything is measured: rows are read twice.
   const bool at_once = !(finest_error > 0.0);
@@ -246,6 +253,7 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
       for (int64_t i = step.first_block + begin; i < step.first_block + end; ++i)
         boxes[static_cast<size_t>(i)] = block_box(rows, layout, errors, i);
     });
+    if (normals) normals->take(rows, step.end < layout.last_row() ? step.end : layout.rows, progress);
     if (at_once) all.take(rows, step.first, step.end, next_part());
   }
   ForestBuilder forest{layout, errors, boxes, {}, {}};

@@ -7,6 +7,7 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "base/errors.h"
@@ -14,9 +15,9 @@
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
-#include "methods/multigrain/color_memory.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/lattice.h"
+#include "methods/multigrain/map_memory.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tile_memory.h"
 #include "render/field_resources.h"
@@ -24,7 +25,7 @@
 namespace lodlab::multigrain {
 namespace {
 
-enum Binding : unsigned { kHeights = 3, kStrides = 4 };  // grid.vert
+enum Binding : unsigned { kHeightBuffer = 3, kStrideBuffer = 4 };  // grid.vert
 
 /// Instanced attributes of one node (grid.vert).
 struct Instance {
@@ -56,12 +57,15 @@ struct MultigrainSession::Gpu {
     int64_t triangles;
     size_t part;  ///< of the heights
   };
+  /// A patch of a node, and where it lies in its tiles.
   struct Pick {
     const CutNode* node;
+    Patch patch;
     size_t part;
+    std::array<MapMemory::Row, kMostMaps> rows;
   };
 
-  Gpu(const Forest& forest, Paging& pages, double texels_per_pixel)
+  Gpu(const Forest& forest, Paging& pages, MapPaging& map_pages, double texels_per_pixel)
       : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
     if (forest.frame.planet) {
       lattice.emplace(forest.frame);
@@ -73,11 +77,12 @@ struct MultigrainSession::Gpu {
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
     gl::check("glVertexArrayBindingDivisor");
-    if (Colors::in(*forest.store)) colors.emplace(forest, texels_per_pixel, arrays);
+    maps.reserve(map_pages.count());
+    for (size_t i = 0; i < map_pages.count(); ++i) maps.emplace_back(map_pages, i, texels_per_pixel, arrays);
   }
 
-  void add(const Forest& forest, const CutNode& picked, render::Pass& pass);
-  void add(const Forest& forest, const CutNode& picked, const Patch& patch, render::Pass& pass);
+  bool pick(const CutNode& picked, const Patch& patch, uint32_t unit, render::Submitted& submitted);
+  void add(const Forest& forest, const Pick& pick, render::Pass& pass);
   void upload(render::Submitted& submitted);
   bool bring(uint32_t unit, std::optional<double> worth, render::Submitted& submitted);
   void submit(const Forest& forest, render::Pass& pass);
@@ -97,25 +102,28 @@ struct MultigrainSession::Gpu {
   std::vector<Batch> batches;
   std::vector<Pick> picks;
   std::vector<uint32_t> dropped;
-  std::optional<ColorMemory> colors;
+  std::vector<MapMemory> maps;
 };
 
-/// With colours a node is drawn as the patches that share its grid's vertices, each with a tile of its own.
-void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, render::Pass& pass) {
-  const Node& node = forest.node[picked.node];
-  ++pass.submitted.nodes;
-  if (!colors) {
-    add(forest, picked, {node.row, node.col, forest.layout.node_log2(node.level), -1}, pass);
-    return;
+/// Brings what a patch draws from. False: this frame uses all the memory that there is.
+bool MultigrainSession::Gpu::pick(const CutNode& picked, const Patch& patch, uint32_t unit,
+                                  render::Submitted& submitted) {
+  if (!bring(unit, std::nullopt, submitted)) return false;
+  Pick out{&picked, patch, tiles.place(paging, unit, 0, 0).part, {}};
+  for (size_t i = 0; i < maps.size(); ++i) {
+    const auto row = maps[i].row(patch, submitted);
+    if (!row) return false;
+    out.rows[i] = *row;
   }
-  const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
-  for (const Patch& patch : colors->patches(picked.node, stride, pass.camera(), pass.submitted))
-    add(forest, picked, patch, pass);
+  picks.push_back(out);
+  return true;
 }
 
-void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, const Patch& patch,
-                                 render::Pass& pass) {
+/// With maps a node is drawn as the patches that share its grid's vertices, each with a tile of its own.
+void MultigrainSession::Gpu::add(const Forest& forest, const Pick& pick, render::Pass& pass) {
   const Layout& layout = forest.layout;
+  const CutNode& picked = *pick.node;
+  const Patch& patch = pick.patch;
   const Node& node = forest.node[picked.node];
   const int size = patch.size_log2;
   const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
@@ -138,6 +146,7 @@ void MultigrainSession::Gpu::add(const Forest& forest, const CutNode& picked, co
   instance_data.push_back({patch.col, patch.row, static_cast<int32_t>(place.height),
                            static_cast<int32_t>(place.tile_rows), picked.node,
                            static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
+  for (size_t i = 0; i < maps.size(); ++i) maps[i].add(pick.rows[i]);
   pass.submitted.triangles += triangles;
   pass.submitted.vertices += (shape.cells_x + 1) * (shape.cells_y + 1);
 }
@@ -152,7 +161,7 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
   send(instances, as_bytes(instance_data));
   send(commands, as_bytes(command_data));
   send(strides, as_bytes(map));
-  if (colors) colors->upload(arrays, submitted);
+  for (MapMemory& it : maps) it.upload(arrays, submitted);
   if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
     indices = gl::Buffer(grids.indices());
     submitted.upload_bytes += indices.bytes();
@@ -162,8 +171,10 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
 }
 
 void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
-  const unsigned name = pass.use(program, *field, colors.has_value());
-  if (colors) colors->bind();
+  render::Maps shown;
+  for (const MapMemory& it : maps) (it.kind() == kColors ? shown.colors : shown.normals) = true;
+  const unsigned name = pass.use(program, *field, shown);
+  for (const MapMemory& it : maps) it.bind();
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
   glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
@@ -176,8 +187,8 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
                 static_cast<float>(lattice->quantum()));
   }
   arrays.source(0, tiles.part(batch.part), 0, static_cast<int>(paging.vertex_bytes()));
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeights, tiles.part(batch.part).id());
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrides, strides.id());
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeightBuffer, tiles.part(batch.part).id());
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrideBuffer, strides.id());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
   glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
@@ -209,12 +220,19 @@ void MultigrainSession::Gpu::submit(const Forest& forest, render::Pass& pass) {
   instance_data.clear();
   command_data.clear();
   batches.clear();
-  if (colors) colors->begin_frame();
-  for (const Pick& pick : picks) add(forest, *pick.node, pass);
+  for (MapMemory& it : maps) it.begin();
+  for (const Pick& pick : picks) add(forest, pick, pass);
   picks.clear();
   if (command_data.empty()) return;
   upload(pass.submitted);
   for (const Batch& batch : batches) draw(forest.layout, batch, pass);
+}
+
+/// The next round: what this frame has drawn makes room.
+void MultigrainSession::next_round(render::Pass& pass) {
+  gpu_->submit(*forest_, pass);
+  paging_->residency().next_frame();
+  maps_->next_frame();
 }
 
 /// A cut that needs more tiles than memory holds is drawn in rounds, in which they take turns. Selection
@@ -223,9 +241,12 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const Forest& forest = *forest_;
   if (!gpu_) {
-    gpu_ = std::make_shared<Gpu>(forest, *paging_, texels_per_pixel_);
+    gpu_ = std::make_shared<Gpu>(forest, *paging_, *maps_, texels_per_pixel_);
     for (uint32_t i = 0; paging_->streams() && i < paging_->roots(); ++i)
       gpu_->bring(i, std::nullopt, pass.submitted);
+    for (MapMemory& it : gpu_->maps) {
+      if (paging_->streams()) it.bring_root(pass.submitted);
+    }
   }
   Gpu& gpu = *gpu_;
   gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
@@ -234,13 +255,13 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   for (const CutNode& picked : cut.nodes) {
     if (!picked.visible && !pass.everything()) continue;
     const uint32_t unit = paging_->unit(forest.node[picked.node], static_cast<int>(picked.resolution));
-    if (!gpu.bring(unit, std::nullopt, pass.submitted)) {
-      gpu.submit(forest, pass);
-      paging_->residency().next_frame();
-      if (!gpu.bring(unit, std::nullopt, pass.submitted))
+    ++pass.submitted.nodes;
+    for (const Patch& patch : maps_->patches(picked, pass.camera())) {
+      if (gpu.pick(picked, patch, unit, pass.submitted)) continue;
+      next_round(pass);
+      if (!gpu.pick(picked, patch, unit, pass.submitted))
         throw Unsupported("multigrain: gpu_cache_mb cannot hold a single tile of this cut");
     }
-    gpu.picks.push_back({&picked, gpu.tiles.place(*paging_, unit, 0, 0).part});
   }
   gpu.submit(forest, pass);
   if (paging_->streams()) admit_wanted(pass.submitted);
@@ -255,6 +276,12 @@ void MultigrainSession::admit_wanted(render::Submitted& submitted) {
     if (residency.resident(want.unit) || !residency.resident(paging_->parent(want.unit))) continue;
     gpu_->bring(want.unit, want.priority, submitted);
   }
+  for (size_t i = 0; i < maps_->count(); ++i) {
+    for (const Residency::Want& want : maps_->residency(i).wanted()) {
+      if (submitted.upload_bytes - before >= kUploadPerFrame) return;
+      gpu_->maps[i].admit(want, submitted);
+    }
+  }
 }
 
 void MultigrainSession::settle() { paging_->residency().settle(); }
@@ -263,7 +290,7 @@ int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
   int64_t sum = gpu.field->bytes() + gpu.tiles.bytes();
-  if (gpu.colors) sum += gpu.colors->bytes();
+  for (const MapMemory& it : gpu.maps) sum += it.bytes();
   for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
     sum += b->bytes();
   }

@@ -3,8 +3,10 @@
 // raising the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched
 // on the GPU. Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture
 // atlas, 2007.
+#include "method/maps_option.h"
 #include "method/paging_options.h"
 #include "methods/multigrain/adapt.h"
+#include "methods/multigrain/map_paging.h"
 #include "methods/multigrain/multigrain.h"
 
 namespace lodlab {
@@ -54,6 +56,7 @@ std::vector<OptionSpec> option_table() {
        "Errors of the triangles as drawn, or the paper's, of bilinear interpolation, which bound nothing.",
        {"drawn", "bilinear"}},
       {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
+      normals_option(),
       projection_option(),
       {"adapt",
        std::string("auto"),
@@ -67,14 +70,14 @@ std::vector<OptionSpec> option_table() {
        1.0,
        kDraw,
        "",
-       "Texels of colour a pixel, whatever the grids; more are sharper and may flicker.",
+       "Texels of maps a pixel, whatever the grids; more are sharper and may flicker.",
        {},
        0.125,
        8.0},
   };
-  add_paging_options(table,
-                     {"Load heights while flying; false loads what a frame draws before it.",
-                      "Decoded heights kept in main memory.", "Heights kept on the GPU, with the grids."});
+  add_paging_options(table, {"Load heights and maps while flying; false loads what a frame draws before it.",
+                             "Decoded heights and maps kept in main memory.",
+                             "Heights and maps kept on the GPU, with the grids."});
   return table;
 }
 
@@ -120,6 +123,7 @@ MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const
       adapt_(adapt_of(options)),
       texels_per_pixel_(options.real("texels_per_pixel")),
       paging_(std::make_unique<Paging>(forest_, options)),
+      maps_(std::make_unique<MapPaging>(forest_, *paging_, paging_->streams(), texels_per_pixel_)),
       adaptation_(std::make_unique<Adaptation>(*forest_, projection_, paging_.get())) {}
 
 MultigrainSession::~MultigrainSession() = default;

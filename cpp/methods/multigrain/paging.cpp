@@ -8,6 +8,7 @@
 #include "method/sample_code.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/lattice.h"
+#include "methods/multigrain/maps.h"
 #include "methods/multigrain/multigrain.h"
 
 namespace lodlab::multigrain {
@@ -48,13 +49,14 @@ std::vector<int64_t> kinds_of_place(int64_t last, int size_log2, int tile_log2) 
 }
 
 /// The most that grids, instances and the map of strides can take on the GPU, and what the field does.
-int64_t bytes_beside_heights(const Forest& forest, const Tiles& tiles) {
+int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps) {
   const Layout& layout = forest.layout;
   std::set<Shape> shapes;
   int64_t indices = 0;
   for (int level = 0; level < layout.levels; ++level) {
     const int size = layout.node_log2(level);
-    for (int k = layout.least_resolution(level); k <= layout.most_resolution(level); ++k) {
+    // With maps a node is drawn as patches, which are smaller than a node may be.
+    for (int k = maps > 0 ? 1 : layout.least_resolution(level); k <= layout.most_resolution(level); ++k) {
       const int a = layout.stride_log2(level, k), tile_log2 = a + tiles.side_log2();
       for (const int64_t row : kinds_of_place(layout.last_row(), size, tile_log2)) {
         for (const int64_t col : kinds_of_place(layout.last_col(), size, tile_log2)) {
@@ -67,16 +69,46 @@ int64_t bytes_beside_heights(const Forest& forest, const Tiles& tiles) {
       }
     }
   }
-  constexpr int64_t kPerNode = 2 * 44;  // instance and command; buffers may double
+  const int64_t per_node =
+      2 * (44 + 16 * static_cast<int64_t>(maps));  // instance, command; buffers may double
   const FieldFrame& frame = forest.frame;
   const int64_t tables = frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0;
   const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
-  return 4 * indices + kPerNode * static_cast<int64_t>(forest.node.size()) + tables +
+  return 4 * indices + per_node * static_cast<int64_t>(forest.node.size()) + tables +
          (forest.coverage().empty() ? 0 : mask) + layout.blocks_x() * layout.blocks_y() + 3;
 }
 
-Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Options& options) {
+/// Tiles of one kind and size in GPU memory.
+struct Pool {
+  int64_t slot, count, least;  ///< bytes of a tile; how many there are, and must fit
+  int64_t capacity = 0;        ///< bytes: whole slots
+};
+
+/// Gives each pool its least and parts the rest of the room equally; what one has no use for goes to the
+/// others.
+void part(int64_t room, std::vector<Pool>& pools) {
+  std::vector<Pool*> order;
+  for (Pool& pool : pools) {
+    room -= pool.least * pool.slot;
+    order.push_back(&pool);
+  }
+  const auto open = [](const Pool* pool) { return (pool->count - pool->least) * pool->slot; };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](const Pool* a, const Pool* b) { return open(a) < open(b); });
+  auto left = static_cast<int64_t>(order.size());
+  for (Pool* pool : order) {
+    pool->capacity = (pool->least + std::min(open(pool), room / left--) / pool->slot) * pool->slot;
+    room -= pool->capacity - pool->least * pool->slot;
+  }
+}
+
+constexpr int64_t kMostLayers = 2048;  // of an array texture, on any device
+
+}  // namespace
+
+Paging::Plan Paging::plan(const std::shared_ptr<const Forest>& forest, const Options& options) {
   const Tiles tiles(forest->layout);
+  const std::vector<Map> maps = Maps(*forest).all();
   const Layout& layout = forest->layout;
   Residency::Setup setup;
   int64_t slot = 0;
@@ -90,7 +122,13 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
   setup.stream = caches.stream;
   setup.cpu_bytes = caches.cpu_bytes;
   setup.fetch_delay = caches.fetch_delay;
-  setup.decode = [tiles, frame = forest->frame](int, int64_t id, Bytes stored) {
+  setup.decode = [tiles, maps, frame = forest->frame](int kind, int64_t id, Bytes stored) {
+    for (const Map& map : maps) {
+      if (map.kind != kind) continue;
+      const std::vector<uint32_t> texels = decode_tile(map.tiles.at(id), stored);
+      const auto bytes = as_bytes(texels);
+      return Bytes(bytes.begin(), bytes.end());
+    }
     const Tile tile = tiles.at(id);
     std::vector<float> heights(static_cast<size_t>(tile.samples()));
     decode_samples(stored, heights.data(), static_cast<int64_t>(heights.size()));
@@ -102,29 +140,43 @@ Residency::Setup setup_of(const std::shared_ptr<const Forest>& forest, const Opt
                        std::to_string((least + (1 << 20) - 1) >> 20) + ", not " +
                        std::to_string(given >> 20));
   };
-  const int64_t beside = bytes_beside_heights(*forest, tiles), least = (setup.roots + path) * slot;
-  if (beside + least > caches.gpu_bytes)
-    refuse("the coarsest heights, a path to the finest, and the grids", "gpu_cache_mb", beside + least,
+  std::vector<Pool> pools{{slot, tiles.count(), setup.roots + int64_t{path}}};
+  int64_t roots = std::max<int64_t>(setup.roots, 1) * slot;
+  for (const Map& map : maps) {
+    pools.push_back({map.tiles.bytes(), slots_of(std::min(map.tiles.count(), kMostLayers)),
+                     slots_of(map.tiles.levels())});
+    roots += map.tiles.bytes();
+  }
+  const std::string texels = maps.empty() ? "" : ", those of the maps";
+  int64_t least = bytes_beside_tiles(*forest, tiles, maps.size());
+  const int64_t room = caches.gpu_bytes - least;
+  for (const Pool& pool : pools) least += pool.least * pool.slot;
+  if (least > caches.gpu_bytes) {
+    refuse("the coarsest heights, a path to the finest" + texels + ", and the grids", "gpu_cache_mb", least,
            caches.gpu_bytes);
-  const int64_t roots = std::max<int64_t>(setup.roots, 1) * slot;
-  if (roots > setup.cpu_bytes) refuse("the coarsest heights", "cpu_cache_mb", roots, setup.cpu_bytes);
-  setup.capacity = std::min(tiles.count(), (caches.gpu_bytes - beside) / slot) * slot;
-  return setup;
+  }
+  if (roots > setup.cpu_bytes)
+    refuse("the coarsest heights" + texels, "cpu_cache_mb", roots, setup.cpu_bytes);
+  part(room, pools);
+  setup.capacity = pools[0].capacity;
+  Plan plan{std::move(setup), {}};
+  for (size_t i = 1; i < pools.size(); ++i)
+    plan.map_bytes.push_back(layers_in(pools[i].capacity / pools[i].slot) * pools[i].slot);
+  return plan;
 }
 
-}  // namespace
-
 Paging::Paging(const std::shared_ptr<const Forest>& forest, const Options& options)
-    : Paging(forest, setup_of(forest, options)) {}
+    : Paging(forest, plan(forest, options)) {}
 
-Paging::Paging(const std::shared_ptr<const Forest>& forest, Residency::Setup setup)
+Paging::Paging(const std::shared_ptr<const Forest>& forest, Plan plan)
     : forest_(forest),
       tiles_(forest->layout),
-      slot_bytes_(setup.units[0].bytes),
+      slot_bytes_(plan.setup.units[0].bytes),
       vertex_bytes_(bytes_of_vertex(forest->frame)),
-      roots_(setup.roots),
-      parent_(setup.units.size()),
-      residency_(forest->store, std::move(setup)) {
+      roots_(plan.setup.roots),
+      parent_(plan.setup.units.size()),
+      residency_(forest->store, std::move(plan.setup)),
+      map_bytes_(std::move(plan.map_bytes)) {
   for (uint32_t i = roots_; i < parent_.size(); ++i) {
     const Tile fine = tile(i);
     parent_[i] = unit_of(tiles_.id(fine.stride_log2 + 1, fine.row, fine.col));

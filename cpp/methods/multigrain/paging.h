@@ -18,7 +18,7 @@ namespace lodlab::multigrain {
 class Paging {
  public:
   /// With the draw options stream, cpu_cache_mb, gpu_cache_mb and fetch_delay_ms. InvalidInput when a cache
-  /// cannot hold the roots and, on the GPU, one path from them to a tile of stride 1.
+  /// cannot hold the roots and, on the GPU, one path from them to a tile of stride 1, and of each map.
   Paging(const std::shared_ptr<const Forest>& forest, const Options& options);
 
   Residency& residency() { return residency_; }
@@ -51,6 +51,8 @@ class Paging {
     for (; unit >= roots_ && !residency_.touched(unit, worth); unit = parent_[unit])
       residency_.touch(unit, worth);
   }
+  /// Bytes of GPU memory that tiles of a map may take (maps.h).
+  int64_t map_bytes(size_t map) const { return map_bytes_[map]; }
   /// In this frame's list of what the loader is asked for, if it is not there; then used.
   void need(uint32_t unit, double priority) {
     if (residency_.resident(unit)) {
@@ -63,7 +65,12 @@ class Paging {
   void ask();
 
  private:
-  Paging(const std::shared_ptr<const Forest>& forest, Residency::Setup setup);
+  struct Plan {
+    Residency::Setup setup;
+    std::vector<int64_t> map_bytes;
+  };
+  static Plan plan(const std::shared_ptr<const Forest>& forest, const Options& options);
+  Paging(const std::shared_ptr<const Forest>& forest, Plan plan);
   uint32_t unit_of(int64_t tile) const { return static_cast<uint32_t>(tiles_.count() - 1 - tile); }
 
   std::shared_ptr<const Forest> forest_;
@@ -72,6 +79,7 @@ class Paging {
   uint32_t roots_;
   std::vector<uint32_t> parent_;
   Residency residency_;
+  std::vector<int64_t> map_bytes_;
   std::vector<Residency::Want> wants_;
 };
 

@@ -4,6 +4,7 @@
 
 #include "base/errors.h"
 #include "methods/multigrain/adapt.h"
+#include "methods/multigrain/map_paging.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -71,7 +72,9 @@ Cut MultigrainSession::select(const View& view, const Budget& budget) {
   cut.options = options_json_;
   cut.promises_bound = projection_ != Projection::kPaper && forest_->store->meta("bounds") != "bilinear";
   paging_->residency().next_frame();
+  maps_->next_frame();
   adaptation_->select(adapt_, camera, budget, cut);
+  maps_->select(camera, cut);
   return cut;
 }
 

@@ -12,6 +12,7 @@
 namespace lodlab::multigrain {
 
 class Paging;
+class MapPaging;
 
 enum class Adapt { kAuto, kTopDown, kDual, kQuad, kLevel, kExact };
 
@@ -31,6 +32,7 @@ class MultigrainSession : public Session {
 
  private:
   void admit_wanted(render::Submitted& submitted);
+  void next_round(render::Pass& pass);
 
   std::shared_ptr<const Forest> forest_;
   std::string options_json_;
@@ -38,6 +40,7 @@ class MultigrainSession : public Session {
   Adapt adapt_;
   double texels_per_pixel_;
   std::unique_ptr<Paging> paging_;
+  std::unique_ptr<MapPaging> maps_;
   struct Adaptation;  // select.cpp: what the next frame starts from, and scratch memory
   std::unique_ptr<Adaptation> adaptation_;
   struct Gpu;                 // draw.cpp: GL objects

@@ -162,7 +162,7 @@ FamilySession::~FamilySession() = default;
 
 void FamilySession::draw(const Cut& cut, render::Pass& pass) {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
-  pass.use(gpu_->program, *gpu_->field, false);
+  pass.use(gpu_->program, *gpu_->field, {});
   gpu_->array.bind();
   for (const CutNode& picked : cut.nodes) {
     if (!picked.visible && !pass.everything()) continue;

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "methods/multigrain/map_paging.h"
+
+#include <algorithm>
+
+namespace lodlab::multigrain {
+
+MapPaging::MapPaging(const std::shared_ptr<const Forest>& forest, const Paging& heights, bool stream,
+                     double texels_per_pixel)
+    : forest_(forest),
+      maps_(*forest),
+      streams_(stream),
+      texels_per_pixel_(texels_per_pixel),
+      wants_(maps_.all().size()) {
+  for (size_t i = 0; i < maps_.all().size(); ++i) {
+    Residency::Setup setup;
+    for (int64_t id = tiles(i).count(); id-- > 0;) setup.units.push_back({id, tiles(i).bytes()});
+    setup.roots = 1;
+    setup.kind = maps_.all()[i].kind;
+    setup.capacity = heights.map_bytes(i);
+    setup.stream = stream;
+    pools_.emplace_back(heights.residency(), std::move(setup));
+  }
+}
+
+void MapPaging::next_frame() {
+  for (Residency& pool : pools_) pool.next_frame();
+}
+
+const std::vector<Patch>& MapPaging::patches(const CutNode& picked, const Camera& camera) {
+  patches_.clear();
+  const int stride = forest_->stride_log2(forest_->node[picked.node], static_cast<int>(picked.resolution));
+  maps_.patches(picked.node, stride, camera, texels_per_pixel_, patches_);
+  return patches_;
+}
+
+/// A tile is worth the length, in pixels, that a texel would have in its place: one of the next level.
+/// Whether the patch's tile is there.
+bool MapPaging::need(size_t map, const Patch& patch) {
+  Residency& pool = pools_[map];
+  const uint32_t first = unit(map, patch.tile[map]);
+  double worth = 2.0 / (patch.density[map] * texels_per_pixel_);
+  for (uint32_t at = first; at != kRoot && !pool.touched(at, worth); at = parent(map, at), worth *= 2.0) {
+    pool.touch(at, worth);
+    if (!pool.resident(at)) wants_[map].push_back({at, worth});
+  }
+  return pool.resident(first);
+}
+
+void MapPaging::select(const Camera& camera, Cut& cut) {
+  if (!streams_ || count() == 0) return;
+  for (CutNode& picked : cut.nodes) {
+    if (!picked.visible) continue;
+    bool there = true;
+    for (const Patch& patch : patches(picked, camera)) {
+      for (size_t i = 0; i < count() && patch.tile[i] >= 0; ++i) there &= need(i, patch);
+    }
+    if (there || picked.missing) continue;
+    picked.missing = true;
+    ++cut.missing_nodes;
+  }
+  for (size_t i = 0; i < count(); ++i) {
+    // Patches share tiles: the last of equals is the most urgent.
+    std::stable_sort(wants_[i].begin(), wants_[i].end(),
+                     [](const Residency::Want& a, const Residency::Want& b) {
+                       return a.unit != b.unit ? a.unit < b.unit : a.priority > b.priority;
+                     });
+    const auto same = [](const Residency::Want& a, const Residency::Want& b) { return a.unit == b.unit; };
+    wants_[i].erase(std::unique(wants_[i].begin(), wants_[i].end(), same), wants_[i].end());
+    pools_[i].want(std::move(wants_[i]));
+    wants_[i].clear();
+  }
+}
+
+}  // namespace lodlab::multigrain

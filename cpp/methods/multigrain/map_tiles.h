@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+// Maps of attributes (colours, normals) as pyramids of tiles that know nothing of grids. Level 0 has
+// 2^finer_log2 texels a sample, each level half as many. A tile has 2^side_log2 texels a side and a border of
+// kBorder around them, taken from its neighbours, so that it has kMips mip levels of its own, each equal to
+// the pyramid's level so much coarser. So a picture does not show which level a tile is of, nor where it
+// ends: the GPU's own choice of a mip level leads to the same texels.
+//
+// Texel i of level 0 covers samples from i to i + 1 in units of 2^-finer_log2, sample c being centred at c +
+// 1/2.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "methods/multigrain/layout.h"
+#include "store/store.h"
+
+namespace lodlab::multigrain {
+
+class MapTiles {
+ public:
+  static constexpr int kMips = 5;                       ///< of a tile, its own level included
+  static constexpr int kBorder = 1 << (kMips - 1);      ///< one texel in the coarsest
+  static constexpr int kLeastLog2 = 8, kMostLog2 = 10;  ///< of side_log2
+
+  MapTiles(const Layout& layout, int finer_log2, int side_log2);
+  /// For a map with so many texels a sample. InvalidInput, naming `what`, where a block would need tiles of
+  /// more than 2^kMostLog2 texels a side.
+  static MapTiles choose(const Layout& layout, int finer_log2, const std::string& what);
+  /// As the array `name` of a store says.
+  static MapTiles stored(const Store& store, const std::string& name, const Layout& layout);
+
+  int levels() const { return static_cast<int>(first_.size()) - 1; }
+  int64_t count() const { return first_.back(); }
+  int finer_log2() const { return finer_log2_; }
+  int side_log2() const { return side_log2_; }
+  /// Texels a side, border included.
+  int64_t pitch() const { return (int64_t{1} << side_log2_) + 2 * kBorder; }
+  /// log2 of a tile's samples a side.
+  int span_log2(int level) const { return side_log2_ + level - finer_log2_; }
+  int64_t across(int level) const { return layout_.cells_x(0, kWhole, span_log2(level)); }
+  int64_t down(int level) const { return layout_.cells_y(0, kWhole, span_log2(level)); }
+  /// Ids count the tiles of level 0 row by row, then those of level 1, and so on.
+  int64_t id(int level, int64_t row, int64_t col) const {
+    const int log2 = span_log2(level);
+    return first_[static_cast<size_t>(level)] + (row >> log2) * across(level) + (col >> log2);
+  }
+  struct Tile {
+    int level;
+    int64_t row, col;    ///< first texel of its border, in texels of the level
+    int64_t rows, cols;  ///< texels that are there: pitch(), or fewer at the end of the field
+  };
+  Tile at(int64_t id) const;
+  /// The tile of the next level that covers this one. Not for the last one, which covers all.
+  int64_t parent(int64_t id) const;
+  /// Bytes of a whole tile with its mip levels.
+  int64_t bytes() const;
+
+ private:
+  static constexpr int kWhole = 62;  ///< log2 of more cells than any field has
+  Layout layout_;
+  int finer_log2_, side_log2_;
+  std::vector<int64_t> first_;  ///< id of each level's first tile; their number
+};
+
+/// Room, in tiles, that a texture of so many layers needs with what it grew from; and the layers that a room
+/// allows.
+inline int64_t slots_of(int64_t layers) { return layers + (layers + 3) / 4; }
+inline int64_t layers_in(int64_t slots) { return slots * 4 / 5; }
+
+/// ceil(count * 2^log2)
+inline int64_t scaled(int64_t count, int log2) {
+  return log2 >= 0 ? count << log2 : (count + (int64_t{1} << -log2) - 1) >> -log2;
+}
+
+/// The mean of four texels, in 8 bits a channel.
+inline uint32_t mean(uint32_t a, uint32_t b, uint32_t c, uint32_t d) {
+  uint32_t out = 0;
+  for (int shift = 0; shift < 32; shift += 8) {
+    const auto channel = [shift](uint32_t texel) { return texel >> shift & 255u; };
+    out |= (channel(a) + channel(b) + channel(c) + channel(d) + 2) / 4 << shift;
+  }
+  return out;
+}
+
+/// A stored tile's texels and its mip levels after them, finest first, row by row.
+std::vector<uint32_t> decode_tile(const MapTiles::Tile& tile, const Bytes& stored);
+
+}  // namespace lodlab::multigrain
