@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+// A session on a hierarchy of patches: selection (select.cpp), cuts by hand (cut.cpp), drawing (draw.cpp).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "method/projector.h"
+#include "methods/seamless/hierarchy.h"
+#include "methods/seamless/metric.h"
+
+namespace lodlab::seamless {
+
+class SeamlessSession : public Session {
+ public:
+  SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, const Options& options);
+  ~SeamlessSession() override;
+
+  Cut select(const View& view, const Budget& budget) override;
+  Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
+  std::vector<Cut> audit_cuts() const override;
+  void draw(const Cut& cut, render::Pass& pass) override;
+  int64_t resident_bytes() const override;
+
+ private:
+  struct Gpu;  // draw.cpp: GL objects
+
+  std::shared_ptr<const Hierarchy> hierarchy_;
+  std::string options_json_;
+  Projection projection_;
+  Metric metric_;
+  PatchMesh mesh_;
+  std::shared_ptr<Gpu> gpu_;  // knows how to delete what only draw.cpp knows
+};
+
+}  // namespace lodlab::seamless
