@@ -112,6 +112,10 @@ class Session {
   /// has to cover: what an audit measures.
   virtual std::vector<Cut> audit_cuts() const = 0;
 
+  /// A random one of all valid cuts, the same for a seed. Nothing: any nodes at any of their resolutions that
+  /// cover the source are one.
+  virtual std::optional<Cut> random_cut(uint64_t /*seed*/) const { return std::nullopt; }
+
   /// Submits the cut's GL calls into the pass: its visible nodes, or all when `pass.everything()`.
   /// Uploads what is missing and resident in main memory; never waits for storage.
   virtual void draw(const Cut& cut, render::Pass& pass) = 0;
