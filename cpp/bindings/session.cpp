@@ -310,7 +310,8 @@ void bind_session_class(py::module_& m) {
       .def("audit_cuts", &audit_cuts,
            "Cuts that together draw every node at every resolution in every state of morph and edges.")
       .def("random_cut", &random_cut, py::arg("seed"), py::call_guard<py::gil_scoped_release>(),
-           "A random one of all valid cuts; None: any nodes that cover the source, at any resolutions, are one.")
+           "A random one of all valid cuts; None: any nodes that cover the source, at any resolutions, are "
+           "one.")
       .def("draw", &draw, cut, view, py::arg("show") = "shade", py::arg("everything") = false,
            "A Frame; show is 'shade', 'normal', 'level' or 'class'. With everything, culled nodes are drawn "
            "too.")
@@ -336,7 +337,11 @@ void bind_session_class(py::module_& m) {
       .def(
           "session",
           [](std::shared_ptr<PyStore> store, const py::dict& options) {
-            return std::make_shared<PySession>(std::move(store), options);
+            auto session = std::make_shared<PySession>(std::move(store), options);
+            for (const std::string& warning : session->selecting().warnings()) {
+              if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) < 0) throw py::error_already_set();
+            }
+            return session;
           },
           py::arg("options") = py::dict(), "A new session with these draw options.");
 }

@@ -123,6 +123,9 @@ class Session {
   /// Forgets adaptation state, so that a run starts the same way every time. Caches stay warm.
   virtual void reset() {}
 
+  /// What its user should know about the draw options, a sentence each: Python warns of them when it is made.
+  virtual std::vector<std::string> warnings() const { return {}; }
+
   /// Bytes of GPU memory held by this session.
   virtual int64_t resident_bytes() const = 0;
 

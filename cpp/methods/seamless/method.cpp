@@ -64,7 +64,10 @@ std::vector<OptionSpec> option_table() {
        "",
        "From the eye to an edge: to its nearest point, or to its midpoint, with which claim 1 fails.",
        {"nearest", "midpoint"}},
-      {"rho", std::string("auto"), kDraw, "",
+      {"rho",
+       std::string("auto"),
+       kDraw,
+       "",
        "The precision factor of equation 1, a number above 0; auto: the least that the budget asks for.",
        {}},
   };
@@ -119,6 +122,23 @@ SeamlessSession::SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, con
       mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions) {}
 
 SeamlessSession::~SeamlessSession() = default;
+
+std::vector<std::string> SeamlessSession::warnings() const {
+  std::vector<std::string> out;
+  if (!metric_.roughness && metric_.rho > 0.0 && metric_.rho < 1.0) {
+    out.push_back("seamless: rho=" + std::to_string(metric_.rho) +
+                  " with metric=distance: claim 1 (no cracks) needs rho >= 1, or else the far edge of a "
+                  "patch may have less than "
+                  "its finest resolution while a neighbour splits");
+  }
+  if (!metric_.nearest) {
+    out.push_back(
+        "seamless: distance=midpoint: claim 1 (no cracks) needs the distance to the nearest point of an "
+        "edge; expect "
+        "cracks at any rho");
+  }
+  return out;
+}
 
 std::unique_ptr<Session> Hierarchy::session(const Options& draw_options) const {
   return std::make_unique<SeamlessSession>(shared_from_this(), draw_options);

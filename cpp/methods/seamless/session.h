@@ -24,6 +24,7 @@ class SeamlessSession : public Session {
   std::vector<Cut> audit_cuts() const override;
   std::optional<Cut> random_cut(uint64_t seed) const override;
   void draw(const Cut& cut, render::Pass& pass) override;
+  std::vector<std::string> warnings() const override;
   int64_t resident_bytes() const override;
 
  private:
