@@ -32,6 +32,7 @@ class CodeBook {
 
   /// Codes an octave.
   int steps() const { return steps_; }
+  double largest() const { return weights_.back(); }
   double weight(uint16_t code) const { return weights_[weight_code(code)]; }
   /// Source units, as `length` is: that of the edge.
   double low(uint16_t code, double length) const {
