@@ -95,8 +95,7 @@ void SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, rend
     batches.push_back({command_data.size(), 0, 0});
   ++batches.back().count;
   batches.back().triangles += triangles;
-  const auto first =
-      static_cast<int32_t>(paging.offset(picked.node) / static_cast<int64_t>(sizeof(float)));
+  const auto first = static_cast<int32_t>(paging.offset(picked.node) / static_cast<int64_t>(sizeof(float)));
   command_data.push_back(
       {range.indices, 1, range.first_index, first, static_cast<uint32_t>(instance_data.size())});
   instance_data.push_back({static_cast<int32_t>(layout.col(p)), static_cast<int32_t>(layout.row(p)), first,
@@ -188,7 +187,7 @@ void SeamlessSession::draw(const Cut& cut, render::Pass& pass) {
 void SeamlessSession::admit_wanted(render::Submitted& submitted) {
   const int64_t before = submitted.upload_bytes, each = paging_->slots().bytes();
   for (const Residency::Want& want : paging_->wanted()) {
-    if (submitted.upload_bytes - before + each > upload_bytes_) break;
+    if (submitted.upload_bytes - before + each > paging_->upload_bytes()) break;
     if (paging_->resident(want.unit) || !paging_->resident(paging_->parent(want.unit))) continue;
     gpu_->bring(want.unit, want.priority, submitted);
   }

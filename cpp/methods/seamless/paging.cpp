@@ -14,7 +14,7 @@ namespace lodlab::seamless {
 namespace {
 
 constexpr double kWindowWorth = 0.25;
-constexpr size_t kMostWanted = 4096;  // patches that the loader is asked for at once
+constexpr size_t kMostWanted = 4096;   // patches that the loader is asked for at once
 constexpr int64_t kPerPatch = 2 * 40;  // bytes of instance and command; buffers may double
 
 int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2(); }
@@ -59,9 +59,12 @@ Residency::Setup setup_of(const std::shared_ptr<const Hierarchy>& hierarchy, con
            caches.gpu_bytes);
   if (slots.bytes() > caches.cpu_bytes)
     refuse("the coarsest heights", "cpu_cache_mb", slots.bytes(), caches.cpu_bytes);
+  if (slots.bytes() > options.integer("upload_bytes")) {
+    throw InvalidInput("seamless: upload_bytes=" + std::to_string(options.integer("upload_bytes")) +
+                       " cannot move a patch of " + std::to_string(slots.bytes()) + " bytes");
+  }
   const int64_t addressed = int64_t{INT32_MAX} / slots.floats();  // vertices have 31-bit numbers
-  setup.capacity =
-      std::min({patches, (caches.gpu_bytes - beside) / each, addressed}) * slots.bytes();
+  setup.capacity = std::min({patches, (caches.gpu_bytes - beside) / each, addressed}) * slots.bytes();
   return setup;
 }
 
@@ -92,12 +95,15 @@ int64_t first_of(double place, int64_t width, int64_t count, int64_t step) {
 Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
                const Options& options)
     : Paging(hierarchy, Slots(hierarchy->layout, hierarchy->averaged()),
-             setup_of(hierarchy, mesh, Slots(hierarchy->layout, hierarchy->averaged()), options)) {}
+             setup_of(hierarchy, mesh, Slots(hierarchy->layout, hierarchy->averaged()), options),
+             options.integer("upload_bytes")) {}
 
-Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup)
+Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
+               int64_t upload_bytes)
     : hierarchy_(hierarchy),
       slots_(slots),
       window_(widest_window(hierarchy->layout, setup.capacity / slots.bytes())),
+      upload_bytes_(upload_bytes),
       residency_(hierarchy->store, std::move(setup)) {}
 
 int64_t Paging::parent(int64_t patch) const {

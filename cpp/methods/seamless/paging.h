@@ -21,8 +21,9 @@ namespace lodlab::seamless {
 
 class Paging {
  public:
-  /// With the draw options stream, cpu_cache_mb, gpu_cache_mb and fetch_delay_ms. InvalidInput when a cache
-  /// cannot hold the root and, on the GPU, a family of patches on each level below it.
+  /// With the draw options stream, cpu_cache_mb, gpu_cache_mb, fetch_delay_ms and upload_bytes. InvalidInput
+  /// when a cache cannot hold the root and, on the GPU, a family of patches on each level below it, or a
+  /// frame cannot upload a patch.
   Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh, const Options& options);
 
   bool streams() const { return residency_.streams(); }
@@ -44,6 +45,8 @@ class Paging {
 
   // For drawing.
   const Slots& slots() const { return slots_; }
+  /// That a frame may bring to the GPU beside what it draws.
+  int64_t upload_bytes() const { return upload_bytes_; }
   int64_t capacity() const { return residency_.capacity(); }
   /// Where a patch's slot is in the buffer, bytes; -1: not there.
   int64_t offset(int64_t patch) const { return residency_.offset(static_cast<uint32_t>(patch)); }
@@ -57,7 +60,8 @@ class Paging {
   int64_t window() const { return window_; }
 
  private:
-  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup);
+  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
+         int64_t upload_bytes);
   struct Origin {
     int64_t y, x;
     bool operator==(const Origin&) const = default;
@@ -66,7 +70,7 @@ class Paging {
 
   std::shared_ptr<const Hierarchy> hierarchy_;
   Slots slots_;
-  int64_t window_;
+  int64_t window_, upload_bytes_;
   Residency residency_;
   std::vector<Residency::Want> wants_;
   std::vector<uint32_t> dropped_;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // How the heights of a patch lie in its slot on the GPU, where they are the vertices: row by row. Rows are a
 // little longer than the lattice is where the software device's vertex cache, which has 256 places by vertex
-// number, would otherwise put neighbours into one place (METHOD.md, Drawing). With pyramid=average a slot is a
-// page: the lattice of the finest resolution, then those of the coarser ones.
+// number, would otherwise put neighbours into one place (METHOD.md, Drawing). With pyramid=average a slot is
+// a page: the lattice of the finest resolution, then those of the coarser ones.
 #pragma once
 
 #include <vector>
