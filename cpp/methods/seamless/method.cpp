@@ -7,6 +7,7 @@
 
 #include "base/errors.h"
 #include "method/paging_options.h"
+#include "methods/seamless/paging.h"
 #include "methods/seamless/seamless.h"
 #include "methods/seamless/session.h"
 
@@ -70,6 +71,20 @@ std::vector<OptionSpec> option_table() {
        "",
        "The precision factor of equation 1, a number above 0; auto: the least that the budget asks for.",
        {}},
+      {"parts",
+       false,
+       kDraw,
+       "",
+       "Colours by level show strips and tiles instead, as the paper's figures 7 to 9.",
+       {}},
+      {"upload_bytes",
+       int64_t{8} << 20,
+       kDraw,
+       "bytes",
+       "Heights that a frame may bring to the GPU while flying.",
+       {},
+       1024,
+       int64_t{1} << 40},
   };
   add_paging_options(table, {"Load heights while flying; false loads what a frame draws before it.",
                              "Decoded heights kept in main memory.", "Heights kept on the GPU."});
@@ -119,7 +134,9 @@ SeamlessSession::SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, con
       options_json_(options.to_json()),
       projection_(projection_of(options)),
       metric_(metric_of(options)),
-      mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions) {}
+      mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions),
+      parts_(options.flag("parts")),
+      paging_(std::make_unique<Paging>(hierarchy_, mesh_, options)) {}
 
 SeamlessSession::~SeamlessSession() = default;
 

@@ -12,6 +12,7 @@
 
 namespace lodlab::seamless {
 
+class Paging;
 class Selector;
 
 class SeamlessSession : public Session {
@@ -26,6 +27,7 @@ class SeamlessSession : public Session {
   void draw(const Cut& cut, render::Pass& pass) override;
   std::vector<std::string> warnings() const override;
   int64_t resident_bytes() const override;
+  void settle() override;
 
  private:
   struct Gpu;  // draw.cpp: GL objects
@@ -35,6 +37,7 @@ class SeamlessSession : public Session {
   }
   double fineness(Selector& selector, const Budget& budget) const;
   void add(const Patch& p, const Resolutions& k, Cut& cut) const;
+  void admit_wanted(render::Submitted& submitted);
   void collect(Selector& selector, const Precision& precision, Cut& cut) const;
 
   std::shared_ptr<const Hierarchy> hierarchy_;
@@ -42,6 +45,8 @@ class SeamlessSession : public Session {
   Projection projection_;
   Metric metric_;
   PatchMesh mesh_;
+  bool parts_;  ///< colours by level tell strips from tiles
+  std::unique_ptr<Paging> paging_;
   std::shared_ptr<Gpu> gpu_;  // knows how to delete what only draw.cpp knows
 };
 
