@@ -133,6 +133,12 @@ void Selector::push_away(const Patch& p, std::array<double, 4>& distance) const 
 
 double Selector::coarsest() const { return metric_.roughness ? -8.0 * hierarchy_.level.front().length : 0.0; }
 
+double Selector::coarser(double fineness) const {
+  const double span = hierarchy_.level.front().length, least = coarsest();
+  if (fineness * gain() > 1e-3) return 0.5 * fineness;
+  return std::max(least, std::min(2.0 * fineness, -1e-6 * span));
+}
+
 double Selector::needed(const Patch& p, double weight, double distance, double threshold) const {
   const double length = hierarchy_.level[static_cast<size_t>(p.level)].length;
   constexpr double kBeyond = 1.0 + 1e-9;  // the least precision lies at equality; a hair above it
@@ -209,9 +215,8 @@ double Selector::fineness_within(int64_t triangles, int64_t nodes, double most) 
   };
   if (fits(most)) return most;
   const double span = hierarchy_.level.front().length;
-  const double gain = metric_.roughness ? hierarchy_.book().largest() : 1024.0;
-  const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain); };
-  const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain; };
+  const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain()); };
+  const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain(); };
   double low = scale(coarsest()), high = scale(most);
   for (int i = 0; i < 40; ++i) {
     const double middle = 0.5 * (low + high);

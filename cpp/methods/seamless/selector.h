@@ -42,6 +42,8 @@ class Selector {
   double pixels(const Patch& p, double error) const;
   /// Everything at its coarsest: the root alone.
   double coarsest() const;
+  /// Half as fine.
+  double coarser(double fineness) const;
 
   /// Keeps a patch from splitting at this precision or a coarser one, for want of its children's heights:
   /// what is missing counts as farther away. METHOD.md, Paging, says why all edges still agree.
@@ -79,6 +81,9 @@ class Selector {
                              double tau) const;
   void push_children(const Patch& p, uint8_t planes);
   Projector::Place place(const Patch& p) const;
+
+  /// What makes a fineness one of about 1.
+  double gain() const { return metric_.roughness ? std::max(hierarchy_.book().largest(), 1e-300) : 1024.0; }
 
   const Hierarchy& hierarchy_;
   const Layout& layout_;
