@@ -12,6 +12,9 @@
 
 namespace lodlab::seamless {
 
+class Paging;
+class Selector;
+
 class SeamlessSession : public Session {
  public:
   SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, const Options& options);
@@ -20,17 +23,30 @@ class SeamlessSession : public Session {
   Cut select(const View& view, const Budget& budget) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
+  std::optional<Cut> random_cut(uint64_t seed) const override;
   void draw(const Cut& cut, render::Pass& pass) override;
+  std::vector<std::string> warnings() const override;
   int64_t resident_bytes() const override;
+  void settle() override;
 
  private:
   struct Gpu;  // draw.cpp: GL objects
+
+  bool promises_bound() const {
+    return metric_.roughness && projection_ != Projection::kPaper && !hierarchy_->averaged();
+  }
+  double fineness(Selector& selector, const Budget& budget) const;
+  void add(const Patch& p, const Resolutions& k, Cut& cut) const;
+  void admit_wanted(render::Submitted& submitted);
+  void collect(Selector& selector, const Precision& precision, Cut& cut) const;
 
   std::shared_ptr<const Hierarchy> hierarchy_;
   std::string options_json_;
   Projection projection_;
   Metric metric_;
   PatchMesh mesh_;
+  bool parts_;  ///< colours by level tell strips from tiles
+  std::unique_ptr<Paging> paging_;
   std::shared_ptr<Gpu> gpu_;  // knows how to delete what only draw.cpp knows
 };
 

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT
+// One view's way through the implicit hierarchy: what its patches are at a given precision, and the least
+// precision that a pixel error or a hard budget asks for. select.cpp makes cuts of it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "geometry/view.h"
+#include "method/projector.h"
+#include "methods/seamless/mesh.h"
+#include "methods/seamless/metric.h"
+
+namespace lodlab::seamless {
+
+class Selector {
+ public:
+  /// `camera`: null sees everything.
+  Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metric& metric,
+           const Projector& projector, const Camera* camera);
+
+  struct Active {
+    Patch patch;
+    Resolutions k;
+    bool visible;
+  };
+  enum class Scope { kWhole, kVisible };
+  /// Calls leaf(Active) for every patch of the cut at a precision, or every visible one, until it returns
+  /// false.
+  template <class Leaf>
+  void traverse(const Precision& precision, Scope scope, Leaf&& leaf);
+
+  /// The least fineness at which no visible patch projects to more than tau, but for what the last level
+  /// cannot better.
+  double fineness_for(double tau);
+  /// The greatest fineness, at most `most`, that keeps the hard budgets; the least there is where none does.
+  double fineness_within(int64_t triangles, int64_t nodes, double most);
+
+  /// Bound of a patch as drawn, source units, and as pixels. With `metric=distance` what is typical.
+  double error(const Patch& p, const Resolutions& k) const;
+  double pixels(const Patch& p, double error) const;
+  /// Everything at its coarsest: the root alone.
+  double coarsest() const;
+
+  /// Keeps a patch from splitting at this precision or a coarser one, for want of its children's heights:
+  /// what is missing counts as farther away. METHOD.md, Paging, says why all edges still agree.
+  void block(const Patch& p, const Precision& precision);
+  void unblock() { blocks_.clear(); }
+  size_t blocks() const { return blocks_.size(); }
+  /// Whether a patch would split if nothing were blocked.
+  bool blocked(const Patch& p, const Precision& precision) const;
+
+  int64_t traversed = 0;  ///< patches looked at, by all of the above
+
+ private:
+  /// A patch on the way down; bits of `planes` are planes of the frustum that may cut it.
+  struct Step {
+    Patch patch;
+    uint8_t planes;
+  };
+  static constexpr uint8_t kOutside = 0xff;
+
+  std::array<double, 4> distances(const Patch& p) const {
+    std::array<double, 4> out = distances_.of(layout_, p);
+    if (!blocks_.empty()) push_away(p, out);
+    return out;
+  }
+  void push_away(const Patch& p, std::array<double, 4>& distance) const;
+  uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
+  Reach reach(const Patch& p, double rho) const;
+  std::array<double, 4> weights(const Patch& p) const;
+  double edge_error(const Patch& p, Edge e, int k) const;
+  /// The fineness at which an edge's epsilon exceeds a threshold.
+  double needed(const Patch& p, double weight, double distance, double threshold) const;
+  /// What a visible patch at this precision asks for in order to be within tau; nothing when it is.
+  std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight,
+                             const std::array<double, 4>& distance, const Precision& precision,
+                             double tau) const;
+  void push_children(const Patch& p, uint8_t planes);
+  Projector::Place place(const Patch& p) const;
+
+  const Hierarchy& hierarchy_;
+  const Layout& layout_;
+  const PatchMesh& mesh_;
+  Metric metric_;
+  const uint16_t* codes_;
+  Projector projector_;
+  Distances distances_;
+  /// Of the frustum's planes: normal, and the distance of the field's nearer and farther height range.
+  struct Plane {
+    double x, y, near_z, far_z;
+  };
+  std::array<Plane, 5> planes_;
+  uint8_t all_planes_;
+  std::vector<Step> stack_;
+  /// A place that counts as so far away, other places as nearer by their distance from it. Source units, from
+  /// the field's first sample.
+  struct Block {
+    double east, south, distance;
+  };
+  std::vector<Block> blocks_;
+};
+
+template <class Leaf>
+void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
+  stack_.clear();
+  const Patch root{0, 0, 0};
+  stack_.push_back({root, planes_cutting(root, all_planes_)});
+  while (!stack_.empty()) {
+    const Step step = stack_.back();
+    stack_.pop_back();
+    if (scope == Scope::kVisible && step.planes == kOutside) continue;
+    ++traversed;
+    const Patch& p = step.patch;
+    const std::array<double, 4> distance = distances(p);
+    const Reach far = reach(p, precision.rho);
+    if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
+      push_children(p, step.planes);
+      continue;
+    }
+    Active active{p, {}, step.planes != kOutside};
+    for (size_t i = 0; i < 4; ++i)
+      active.k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+    if (!leaf(active)) return;
+  }
+}
+
+}  // namespace lodlab::seamless
