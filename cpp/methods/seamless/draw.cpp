@@ -126,7 +126,7 @@ void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render
   const unsigned name = pass.use(program, *field, false);
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
-  glUniform2i(glGetUniformLocation(name, "u_lattice"), paging.slots().pitch(), layout.segments());
+  glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
   glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_SHORT,
