@@ -1,13 +1,22 @@
 // SPDX-License-Identifier: MIT
-// Build of seamless. Rows go by twice, in bands: first for the heights of coarse lattices (pyramid.h), then
-// for the patches' pages. No GL.
+// Build of seamless: the heights of patches as pages, and how far each patch at each resolution is from the
+// source. No GL.
+//
+// Rows go by twice: for the heights of coarse lattices (pyramid.h), then for pages and errors; with
+// `finest_error` a pass between the two finds the last level's stride. A field in memory is one band, a
+// windowed one goes by in bands that hold every patch with a stride below four samples whole; larger patches
+// are measured a share of their rows at a time.
 #include <algorithm>
+#include <atomic>
 #include <bit>
+#include <mutex>
 #include <string>
 
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "method/sample_code.h"
+#include "methods/seamless/closure.h"
+#include "methods/seamless/measure.h"
 #include "methods/seamless/pyramid.h"
 #include "methods/seamless/seamless.h"
 
@@ -35,35 +44,57 @@ Shape shape_of(const Options& options) {
   return {std::countr_zero(static_cast<uint64_t>(patch)), resolutions};
 }
 
-/// Calls work(rows, first, end) band by band; rows up to two beyond `end` are there.
-template <class Work>
-void for_bands(Bands& bands, const Work& work) {
-  const int64_t rows = bands.frame().rows;
-  for (int64_t first = 0; first < rows - 1; first += kBand) {
-    const int64_t end = first + kBand < rows - 1 ? first + kBand : rows;
-    work(bands.rows(first, std::min(first + kBand + 2, rows)), first, end);
-  }
-}
-
-/// What is done at once: rows [first, end) of a patch.
-struct Share {
-  Patch patch;
+/// Rows [first, end) whose share of the work is done at once; rows up to two beyond are there.
+struct Band {
   int64_t first, end;
 };
 
-std::vector<Share> shares_of(const Layout& layout, int64_t first, int64_t end) {
+std::vector<Band> bands_of(const Bands& bands) {
+  const int64_t rows = bands.frame().rows, step = bands.whole() != nullptr ? rows : kBand;
+  std::vector<Band> out;
+  for (int64_t first = 0; first < rows - 1; first += step)
+    out.push_back({first, first + step < rows - 1 ? first + step : rows});
+  return out;
+}
+
+HeightRows read(Bands& bands, const Band& band) {
+  return bands.rows(band.first, std::min(band.end + 2, bands.frame().rows));
+}
+
+/// The patches of levels from `least` on that meet a band, each with its rows there, kBand of them at most.
+/// The last row of a patch belongs to it as well as to the next one.
+std::vector<Share> shares_of(const Layout& layout, const Band& band, int least) {
   std::vector<Share> shares;
-  for (int level = layout.levels - 1; level >= 0; --level) {
-    const int side = layout.side_log2(level);
-    for (int64_t y = first >> side; y < layout.down(level) && y << side < end; ++y) {
-      for (int64_t x = 0; x < layout.across(level); ++x) {
-        const Patch p{level, y, x};
-        const int64_t last = layout.sample_row(p, layout.segments());
-        shares.push_back({p, std::max(first, layout.row(p)), last <= end ? last + 1 : end});
+  for (int64_t first = band.first; first < std::min(band.end, layout.last_row()); first += kBand) {
+    const int64_t end = std::min(first + kBand, band.end);
+    for (int level = layout.levels - 1; level >= least; --level) {
+      const int side = layout.side_log2(level);
+      for (int64_t y = first >> side; y < layout.down(level) && y << side < end; ++y) {
+        for (int64_t x = 0; x < layout.across(level); ++x) {
+          const Patch p{level, y, x};
+          const int64_t last = layout.sample_row(p, layout.segments());
+          shares.push_back({p, std::max(first, layout.row(p)), last <= end ? last + 1 : end});
+        }
       }
     }
   }
   return shares;
+}
+
+/// Calls work(measurer, share) in parallel; `progress` counts the shares of one pass of so many bands.
+template <class Work>
+void for_shares(const Layout& layout, const PatchMesh& mesh, const Pyramid& pyramid,
+                const std::vector<Share>& shares, const Progress& progress, const Work& work) {
+  const auto count = static_cast<int64_t>(shares.size());
+  std::atomic<int64_t> done = 0;
+  std::mutex mutex;
+  parallel_for(count, std::clamp<int64_t>(count / 256, 1, 16), [&](int64_t begin, int64_t end) {
+    Measurer measurer(layout, mesh, pyramid);
+    for (int64_t i = begin; i < end; ++i) work(measurer, shares[static_cast<size_t>(i)]);
+    const int64_t so_far = done += end - begin;
+    const std::lock_guard lock(mutex);
+    if (progress) progress("patches", static_cast<double>(so_far) / static_cast<double>(count));
+  });
 }
 
 Bytes page_of(const Pyramid& pyramid, const HeightRows& rows, const Layout& layout, const Patch& p) {
@@ -78,37 +109,106 @@ Bytes page_of(const Pyramid& pyramid, const HeightRows& rows, const Layout& layo
   return encode_samples(heights.data(), static_cast<int64_t>(heights.size()));
 }
 
+/// Reports work that goes from one share of the whole to another.
+Progress part_of(const Progress& progress, size_t part, size_t parts) {
+  return [&progress, part, parts](const std::string& stage, double share) {
+    if (progress) progress(stage, (static_cast<double>(part) + share) / static_cast<double>(parts));
+  };
+}
+
+class Builder {
+ public:
+  Builder(Bands& bands, const Options& options, const Progress& progress)
+      : bands_(bands),
+        shape_(shape_of(options)),
+        steps_(bands_of(bands)),
+        finest_error_(options.real("finest_error")),
+        parts_(steps_.size() * (finest_error_ > 0.0 ? 2 : 1)),
+        progress_(progress),
+        mesh_(shape_.patch_log2, shape_.resolutions),
+        pyramid_(bands.frame(), options.text("pyramid") == "average") {}
+
+  void run(StoreWriter& writer) {
+    for (const Band& band : steps_) pyramid_.take(read(bands_, band), band.first, band.end);
+    pyramid_.finish();
+    const Layout layout = layout_with(finest_log2());
+    PatchErrors errors(layout);
+    for (const Band& band : steps_) {
+      const HeightRows rows = read(bands_, band);
+      for_shares(layout, mesh_, pyramid_, shares_of(layout, band, 0), next_part(),
+                 [&](Measurer& measurer, const Share& share) {
+                   const int64_t id = layout.id(share.patch);
+                   if (share.first == layout.row(share.patch) && !writer.has_page(kHeights, id))
+                     writer.put_page(kHeights, id, page_of(pyramid_, rows, layout, share.patch));
+                   measurer.measure(rows, share, 0, errors);
+                 });
+    }
+    const Closed closed = close_errors(layout, make_levels(layout, bands_.frame()), errors);
+    writer.put_array("layout", as_bytes(std::vector<int32_t>{layout.patch_log2, layout.resolutions,
+                                                             layout.finest_log2, layout.levels}));
+    writer.put_array("codes", as_bytes(closed.codes));
+    writer.put_array("scales", as_bytes(std::vector<double>{closed.largest_weight, closed.last_error}));
+    writer.put_array("typical", as_bytes(closed.typical));
+    writer.put_meta("pyramid", pyramid_.averaged() ? "average" : "vertex");
+  }
+
+ private:
+  Layout layout_with(int finest_log2) const {
+    return make_layout(bands_.frame(), shape_.patch_log2, shape_.resolutions, finest_log2);
+  }
+  Progress next_part() {
+    ++part_;
+    return part_of(progress_, part_ - 1, parts_);
+  }
+
+  /// The coarsest stride of the last level whose error over the whole field is within `finest_error`; none
+  /// coarser than that with which one patch covers the field. Strides that are beyond it are left early.
+  int finest_log2() {
+    if (!(finest_error_ > 0.0)) return 0;
+    int most = 0;
+    while (layout_with(most).levels > 1) ++most;
+    std::vector<uint8_t> within(static_cast<size_t>(most + 1), 1);
+    for (const Band& band : steps_) {
+      const HeightRows rows = read(bands_, band);
+      const Progress progress = next_part();
+      for (int a = 1; a <= most; ++a) {
+        if (within[static_cast<size_t>(a)] == 0) continue;
+        const Layout layout = layout_with(a);
+        PatchErrors errors(layout);
+        std::atomic<bool> beyond = false;
+        for_shares(layout, mesh_, pyramid_, shares_of(layout, band, layout.levels - 1), progress,
+                   [&](Measurer& measurer, const Share& share) {
+                     if (beyond) return;
+                     measurer.measure(rows, share, layout.resolutions - 1, errors);
+                     for (const Edge e : {kNorth, kEast, kSouth, kWest}) {
+                       if (errors.at(layout.id(share.patch), e, layout.resolutions - 1) > finest_error_)
+                         beyond = true;
+                     }
+                   });
+        if (beyond) within[static_cast<size_t>(a)] = 0;
+      }
+    }
+    while (within[static_cast<size_t>(most)] == 0) --most;
+    return most;
+  }
+
+  Bands& bands_;
+  const Shape shape_;
+  const std::vector<Band> steps_;
+  const double finest_error_;
+  const size_t parts_;
+  const Progress& progress_;
+  const PatchMesh mesh_;
+  Pyramid pyramid_;
+  size_t part_ = 0;
+};
+
 }  // namespace
 
 void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress) {
-  const Shape shape = shape_of(options);
-  Pyramid pyramid(bands.frame(), options.text("pyramid") == "average");
-  for_bands(bands,
-            [&](const HeightRows& rows, int64_t first, int64_t end) { pyramid.take(rows, first, end); });
-  pyramid.finish();
-  const Layout layout = make_layout(bands.frame(), shape.patch_log2, shape.resolutions, 0);
-  for_bands(bands, [&](const HeightRows& rows, int64_t first, int64_t end) {
-    const std::vector<Share> shares = shares_of(layout, first, end);
-    parallel_for(static_cast<int64_t>(shares.size()), 1, [&](int64_t from, int64_t to) {
-      for (int64_t i = from; i < to; ++i) {
-        const Share& share = shares[static_cast<size_t>(i)];
-        const int64_t id = layout.id(share.patch);
-        if (share.first == layout.row(share.patch) && !writer.has_page(kHeights, id))
-          writer.put_page(kHeights, id, page_of(pyramid, rows, layout, share.patch));
-      }
-    });
-    if (progress) progress("patches", static_cast<double>(end) / static_cast<double>(layout.rows));
-  });
+  Builder(bands, options, progress).run(writer);
   const Bytes coverage = bands.coverage();
   if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
-  writer.put_array("layout", as_bytes(std::vector<int32_t>{layout.patch_log2, layout.resolutions,
-                                                           layout.finest_log2, layout.levels}));
-  writer.put_array("codes",
-                   as_bytes(std::vector<uint16_t>(static_cast<size_t>(layout.first_edge(layout.levels)))));
-  writer.put_array("scales", as_bytes(std::vector<double>{0.0, 0.0}));
-  writer.put_array("typical",
-                   as_bytes(std::vector<double>(static_cast<size_t>(layout.levels * layout.resolutions))));
-  writer.put_meta("pyramid", options.text("pyramid"));
 }
 
 }  // namespace lodlab::seamless

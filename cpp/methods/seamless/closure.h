@@ -1,10 +1,20 @@
 // SPDX-License-Identifier: MIT
-// From what was measured to what is kept of edges: bounds that nest, and weights for claim 1.
+// From what was measured to what is kept of edges (codes.h): bounds that nest, and weights for claim 1.
+//
+// Bounds. Of an edge: low >= mid >= the finest one on both sides, which is the largest `low` of the child
+// edges in the region of the tile, and at the last level `last_error`. So neither a split nor a refinement
+// raises a bound. Each covers what was measured.
+// Weights. Of the edges of a patch none is below half of another, and none of a child edge is above that of
+// the edge that it lies on: what claim 1 needs. A weight is at least 2^k bound / length for every resolution.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <vector>
 
+#include "methods/seamless/hierarchy.h"
 #include "methods/seamless/layout.h"
+#include "methods/seamless/measure.h"
 
 namespace lodlab::seamless {
 
@@ -47,5 +57,13 @@ void for_child_edges(const Layout& layout, const Patch& p, Edge e, const Visit& 
     }
   }
 }
+
+/// As in the store (seamless.h).
+struct Closed {
+  std::vector<uint16_t> codes;
+  double largest_weight = 0.0, last_error = 0.0;
+  std::vector<double> typical;
+};
+Closed close_errors(const Layout& layout, const std::vector<Level>& levels, const PatchErrors& errors);
 
 }  // namespace lodlab::seamless

@@ -33,6 +33,10 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   int64_t vertices() const override;
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
+  int64_t id(const Patch& p) const {
+    const Level& at = level[static_cast<size_t>(p.level)];
+    return at.first + p.y * at.across + p.x;
+  }
   /// Two bytes an edge, read on first use: the metric `distance` needs none.
   const std::vector<uint16_t>& codes() const;
   const CodeBook& book() const { return *book_; }

@@ -95,7 +95,49 @@ void Selector::push_children(const Patch& p, uint8_t planes) {
   }
 }
 
+void Selector::block(const Patch& p, const Precision& precision) {
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const Reach far = reach(p, precision.rho);
+  const double most = *std::max_element(far.begin(), far.end()) * (1.0 + 1e-9);
+  blocks_.push_back({(static_cast<double>(p.x) + 0.5) * level.width,
+                     (static_cast<double>(p.y) + 0.5) * level.height,
+                     most + 0.5 * std::hypot(level.width, level.height)});
+}
+
+bool Selector::blocked(const Patch& p, const Precision& precision) const {
+  return !blocks_.empty() && p.level + 1 < layout_.levels &&
+         splits(reach(p, precision.rho), distances_.of(layout_, p), precision);
+}
+
+/// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
+/// distances, this is the same from both sides, no less for a part of an edge, and differs by no more than l
+/// between a patch's edges.
+void Selector::push_away(const Patch& p, std::array<double, 4>& distance) const {
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const double west = static_cast<double>(p.x) * level.width,
+               east = static_cast<double>(p.x + 1) * level.width;
+  const double north = static_cast<double>(p.y) * level.height,
+               south = static_cast<double>(p.y + 1) * level.height;
+  for (const Block& b : blocks_) {
+    const auto from = [&](double x, double y) {
+      return std::sqrt((x - b.east) * (x - b.east) + (y - b.south) * (y - b.south));
+    };
+    const double nw = from(west, north), ne = from(east, north), se = from(east, south),
+                 sw = from(west, south);
+    distance[kNorth] = std::max(distance[kNorth], b.distance - std::max(nw, ne));
+    distance[kEast] = std::max(distance[kEast], b.distance - std::max(ne, se));
+    distance[kSouth] = std::max(distance[kSouth], b.distance - std::max(se, sw));
+    distance[kWest] = std::max(distance[kWest], b.distance - std::max(sw, nw));
+  }
+}
+
 double Selector::coarsest() const { return metric_.roughness ? -8.0 * hierarchy_.level.front().length : 0.0; }
+
+double Selector::coarser(double fineness) const {
+  const double span = hierarchy_.level.front().length, least = coarsest();
+  if (fineness * gain() > 1e-3) return 0.5 * fineness;
+  return std::max(least, std::min(2.0 * fineness, -1e-6 * span));
+}
 
 double Selector::needed(const Patch& p, double weight, double distance, double threshold) const {
   const double length = hierarchy_.level[static_cast<size_t>(p.level)].length;
@@ -142,7 +184,7 @@ double Selector::fineness_for(double tau) {
     if (step.planes == kOutside) continue;
     ++traversed;
     const Patch& p = step.patch;
-    const std::array<double, 4> distance = distances_.of(layout_, p), weight = weights(p);
+    const std::array<double, 4> distance = distances(p), weight = weights(p);
     for (;;) {
       const Precision precision = Precision::of(fineness);
       if (p.level + 1 < layout_.levels && splits(reach(p, precision.rho), distance, precision)) {
@@ -173,9 +215,8 @@ double Selector::fineness_within(int64_t triangles, int64_t nodes, double most) 
   };
   if (fits(most)) return most;
   const double span = hierarchy_.level.front().length;
-  const double gain = metric_.roughness ? hierarchy_.book().largest() : 1024.0;
-  const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain); };
-  const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain; };
+  const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain()); };
+  const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain(); };
   double low = scale(coarsest()), high = scale(most);
   for (int i = 0; i < 40; ++i) {
     const double middle = 0.5 * (low + high);

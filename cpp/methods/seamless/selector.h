@@ -42,6 +42,16 @@ class Selector {
   double pixels(const Patch& p, double error) const;
   /// Everything at its coarsest: the root alone.
   double coarsest() const;
+  /// Half as fine.
+  double coarser(double fineness) const;
+
+  /// Keeps a patch from splitting at this precision or a coarser one, for want of its children's heights:
+  /// what is missing counts as farther away. METHOD.md, Paging, says why all edges still agree.
+  void block(const Patch& p, const Precision& precision);
+  void unblock() { blocks_.clear(); }
+  size_t blocks() const { return blocks_.size(); }
+  /// Whether a patch would split if nothing were blocked.
+  bool blocked(const Patch& p, const Precision& precision) const;
 
   int64_t traversed = 0;  ///< patches looked at, by all of the above
 
@@ -53,6 +63,12 @@ class Selector {
   };
   static constexpr uint8_t kOutside = 0xff;
 
+  std::array<double, 4> distances(const Patch& p) const {
+    std::array<double, 4> out = distances_.of(layout_, p);
+    if (!blocks_.empty()) push_away(p, out);
+    return out;
+  }
+  void push_away(const Patch& p, std::array<double, 4>& distance) const;
   uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
   Reach reach(const Patch& p, double rho) const;
   std::array<double, 4> weights(const Patch& p) const;
@@ -65,6 +81,9 @@ class Selector {
                              double tau) const;
   void push_children(const Patch& p, uint8_t planes);
   Projector::Place place(const Patch& p) const;
+
+  /// What makes a fineness one of about 1.
+  double gain() const { return metric_.roughness ? std::max(hierarchy_.book().largest(), 1e-300) : 1024.0; }
 
   const Hierarchy& hierarchy_;
   const Layout& layout_;
@@ -80,6 +99,12 @@ class Selector {
   std::array<Plane, 5> planes_;
   uint8_t all_planes_;
   std::vector<Step> stack_;
+  /// A place that counts as so far away, other places as nearer by their distance from it. Source units, from
+  /// the field's first sample.
+  struct Block {
+    double east, south, distance;
+  };
+  std::vector<Block> blocks_;
 };
 
 template <class Leaf>
@@ -93,7 +118,7 @@ void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
     if (scope == Scope::kVisible && step.planes == kOutside) continue;
     ++traversed;
     const Patch& p = step.patch;
-    const std::array<double, 4> distance = distances_.of(layout_, p);
+    const std::array<double, 4> distance = distances(p);
     const Reach far = reach(p, precision.rho);
     if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
       push_children(p, step.planes);
