@@ -126,7 +126,7 @@ void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render
   const unsigned name = pass.use(program, *field, false);
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
-  glUniform2i(glGetUniformLocation(name, "u_lattice"), paging.slots().pitch(), layout.segments());
+  glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
   glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_SHORT,
@@ -169,15 +169,16 @@ void SeamlessSession::draw(const Cut& cut, render::Pass& pass) {
   if (!gpu_) gpu_ = std::make_shared<Gpu>(*hierarchy_, mesh_, *paging_, parts_);
   Gpu& gpu = *gpu_;
   if (paging_->streams()) gpu.bring(0, std::nullopt, pass.submitted);
-  for (const CutNode& picked : cut.nodes) {
-    if (!picked.visible && !pass.everything()) continue;
-    if (!gpu.bring(picked.node, std::nullopt, pass.submitted)) {
+  // The last levels first: they are nearest and hide what comes after.
+  for (auto picked = cut.nodes.rbegin(); picked != cut.nodes.rend(); ++picked) {
+    if (!picked->visible && !pass.everything()) continue;
+    if (!gpu.bring(picked->node, std::nullopt, pass.submitted)) {
       gpu.submit(layout, pass);
       paging_->next_frame();
-      if (!gpu.bring(picked.node, std::nullopt, pass.submitted))
+      if (!gpu.bring(picked->node, std::nullopt, pass.submitted))
         throw Unsupported("seamless: gpu_cache_mb cannot hold a single patch of this cut");
     }
-    gpu.add(layout, picked, pass);
+    gpu.add(layout, *picked, pass);
   }
   gpu.submit(layout, pass);
   if (paging_->streams()) admit_wanted(pass.submitted);

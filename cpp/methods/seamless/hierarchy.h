@@ -33,6 +33,10 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   int64_t vertices() const override;
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
+  int64_t id(const Patch& p) const {
+    const Level& at = level[static_cast<size_t>(p.level)];
+    return at.first + p.y * at.across + p.x;
+  }
   /// Two bytes an edge, read on first use: the metric `distance` needs none.
   const std::vector<uint16_t>& codes() const;
   const CodeBook& book() const { return *book_; }
@@ -41,6 +45,8 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   double bound(const Patch& p, Edge e, int k) const;
   /// The largest over the four edges.
   double bound(const Patch& p, const Resolutions& k) const;
+  /// The same with all at their finest.
+  double finest_bound(const Patch& p) const;
   /// Of all heights of the field, over the clamped patch.
   Box box(const Patch& p) const;
   /// The heights of a patch (build.cpp says in which order).

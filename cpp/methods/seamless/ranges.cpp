@@ -38,8 +38,8 @@ Ranges::Range Ranges::compose(const Key& key) {
   Range out{static_cast<uint32_t>(indices_.size()), static_cast<uint32_t>(3 * all.size()), 0};
   std::vector<bool> seen(static_cast<size_t>(slots_.floats()));
   for (const Triangle& t : all) {
-    for (const Vertex& v : t) {
-      const auto index = static_cast<size_t>(slots_.index(v));
+    for (size_t corner = 0; corner < 3; ++corner) {
+      const auto index = static_cast<size_t>(slots_.index(t, corner));
       out.vertices += !seen[index];
       seen[index] = true;
       indices_.push_back(static_cast<uint16_t>(index));

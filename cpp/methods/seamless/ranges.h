@@ -2,9 +2,9 @@
 // Ranges of indices that patches share: the pieces of mesh.h composed for the resolutions of a patch, without
 // the triangles that a clamped border collapses. Made on demand, kept.
 //
-// Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache, and the
-// last vertex of a triangle of a strip lies on the diagonal, where no vertex of a tile does: a flat output of
-// the vertex tells the two apart.
+// Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache. The last
+// vertex of a triangle that is part of a strip along a diagonal lies on it, where no vertex of a tile does: a
+// flat output of the vertex tells the two apart.
 #pragma once
 
 #include <compare>
@@ -25,7 +25,7 @@ class Ranges {
   };
   /// Indices count from the slot's first height.
   Range range(const Resolutions& k, int clip_x, int clip_y);
-  /// All of them, one after the other; only grows. A slot has at most 22,000 heights.
+  /// All of them, one after the other; only grows. A slot has at most 24,000 heights.
   const std::vector<uint16_t>& indices() const { return indices_; }
 
   /// Bytes of all that a layout can ask for.

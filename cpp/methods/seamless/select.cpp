@@ -3,6 +3,7 @@
 // by its own four edges (section 3, Level of Detail); METHOD.md has the metric and the proof.
 #include <algorithm>
 
+#include "methods/seamless/paging.h"
 #include "methods/seamless/selector.h"
 #include "methods/seamless/session.h"
 
@@ -12,21 +13,26 @@ namespace lodlab::seamless {
 double SeamlessSession::fineness(Selector& selector, const Budget& budget) const {
   const double asked =
       metric_.rho > 0.0 ? metric_.rho : selector.fineness_for(budget.pixel_error.value_or(0.0));
-  if (!budget.triangles && !budget.nodes) return asked;
+  return budget.triangles || budget.nodes ? within(selector, budget, asked) : asked;
+}
+
+double SeamlessSession::within(Selector& selector, const Budget& budget, double most) const {
   constexpr int64_t kNone = std::numeric_limits<int64_t>::max();
-  return selector.fineness_within(budget.triangles.value_or(kNone), budget.nodes.value_or(kNone), asked);
+  return selector.fineness_within(budget.triangles.value_or(kNone), budget.nodes.value_or(kNone), most);
 }
 
 Cut SeamlessSession::select(const View& view, const Budget& budget) {
   const Camera camera = make_camera(view);
   const Projector projector(projection_, camera);
   Selector selector(*hierarchy_, mesh_, metric_, projector, &camera);
-  const double precision = fineness(selector, budget);
+  const double asked = fineness(selector, budget);
+  const double drawn = paging_->streams() ? stand_in(selector, budget, asked) : asked;
   Cut cut;
   cut.view = view;
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
-  collect(selector, Precision::of(precision), cut);
+  collect(selector, Precision::of(drawn), cut);
+  if (paging_->streams()) ask_for(cut, projector);
   cut.adapt_steps = selector.traversed;
   cut.tau = budget.pixel_error.value_or(cut.predicted_px);
   cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
@@ -35,23 +41,79 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
   return cut;
 }
 
+/// Streaming: what a visible patch draws must be there. Where it is not, its parent stands in: it is kept
+/// from splitting, and so is what the claim ties to it. Each round blocks a patch above a missing one, so
+/// this ends at the root, which is always there. Hard budgets are found again, as coarser patches leave some
+/// of them.
+double SeamlessSession::stand_in(Selector& selector, const Budget& budget, double asked) {
+  constexpr size_t kMostBlocks = 64;  // each costs all edges a look; beyond them everything becomes coarser
+  paging_->next_frame();
+  missing_.clear();
+  double fineness = asked;
+  for (bool first = true;; first = false) {
+    const Precision precision = Precision::of(fineness);
+    parents_.clear();
+    selector.traverse(precision, Selector::Scope::kVisible, [&](const Selector::Active& a) {
+      const int64_t id = hierarchy_->id(a.patch);
+      if (paging_->resident(id)) return true;
+      if (first) missing_.push_back(id);
+      parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
+      return true;
+    });
+    if (parents_.empty()) return fineness;
+    std::sort(parents_.begin(), parents_.end());
+    parents_.erase(std::unique(parents_.begin(), parents_.end()), parents_.end());
+    if (selector.blocks() + parents_.size() > kMostBlocks) {
+      selector.unblock();
+      fineness = selector.coarser(fineness);
+      continue;
+    }
+    for (const int64_t id : parents_) selector.block(hierarchy_->layout.at(id), precision);
+    if (budget.triangles || budget.nodes) fineness = within(selector, budget, asked);
+  }
+}
+
+/// What the frame draws is kept; what it lacks comes first, from the top down, then what lies outside the
+/// frustum, then the windows round the eye.
+void SeamlessSession::ask_for(Cut& cut, const Projector& projector) {
+  const Layout& layout = hierarchy_->layout;
+  int finest = 0;
+  for (CutNode& picked : cut.nodes) {
+    const Patch p = layout.at(picked.node);
+    finest = std::max(finest, p.level);
+    if (picked.visible) {
+      paging_->touch(picked.node, 2.0);
+    } else {
+      paging_->need(picked.node, 0.5);
+    }
+  }
+  for (const int64_t id : missing_) {
+    double priority = 2.0;
+    for (int64_t above = id; !paging_->resident(above); above = paging_->parent(above)) {
+      paging_->need(above, priority);
+      priority *= 2.0;
+    }
+  }
+  paging_->follow(projector.eye, finest);
+  paging_->ask();
+}
+
 void SeamlessSession::collect(Selector& selector, const Precision& precision, Cut& cut) const {
   const Layout& layout = hierarchy_->layout;
   selector.traverse(precision, Selector::Scope::kWhole, [&](const Selector::Active& a) {
     const Patch& p = a.patch;
-    const Level& level = hierarchy_->level[static_cast<size_t>(p.level)];
-    const auto id = static_cast<uint32_t>(level.first + p.y * level.across + p.x);
     const double error = selector.error(p, a.k);
-    cut.nodes.push_back(
-        {id, static_cast<uint32_t>(pack(a.k, layout.resolutions)), 1.0f, a.visible, false, error});
+    const bool missing = a.visible && selector.blocked(p, precision);
+    cut.nodes.push_back({static_cast<uint32_t>(hierarchy_->id(p)),
+                         static_cast<uint32_t>(pack(a.k, layout.resolutions)), 1.0f, a.visible, missing,
+                         error});
     if (!a.visible) return true;
     cut.predicted_px = std::max(cut.predicted_px, selector.pixels(p, error));
     cut.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));
     ++cut.visible_nodes;
+    cut.missing_nodes += missing;
     return true;
   });
-  std::sort(cut.nodes.begin(), cut.nodes.end(),
-            [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
 }
 
 }  // namespace lodlab::seamless

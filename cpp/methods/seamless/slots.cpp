@@ -1,56 +1,40 @@
 // SPDX-License-Identifier: MIT
 #include "methods/seamless/slots.h"
 
-#include <algorithm>
-
-#include "methods/seamless/seamless.h"
-
 namespace lodlab::seamless {
-namespace {
-
-constexpr int kCachePlaces = 256;
-
-/// Whether two rows of a strip, of vertices `stride` lattice points apart, share places of the cache.
-bool rows_collide(int pitch, int stride, int width) {
-  const int apart = stride * pitch % kCachePlaces;
-  return apart <= width || kCachePlaces - apart <= width;
-}
-
-int pitch_of(const Layout& layout, bool averaged) {
-  const int width = std::min(kStrip, layout.segments());
-  int pitch = layout.segments() + 1;
-  const auto collides = [&] {
-    for (int i = 0; i < layout.resolutions; ++i) {
-      if (rows_collide(pitch, 1 << i, width)) return true;
-    }
-    return false;
-  };
-  while (!averaged && collides()) ++pitch;
-  return pitch;
-}
-
-}  // namespace
 
 Slots::Slots(const Layout& layout, bool averaged)
-    : segments_(layout.segments()),
-      resolutions_(layout.resolutions),
-      averaged_(averaged),
-      pitch_(pitch_of(layout, averaged)),
-      floats_(averaged ? static_cast<int>(page_samples(layout, true)) : pitch_ * (segments_ + 1)) {}
+    : segments_(layout.segments()), resolutions_(layout.resolutions), first_{0} {
+  const int lattices = averaged ? resolutions_ : 1;
+  for (int i = 0; i < lattices; ++i) {
+    const int strips = std::max(side(i) / kStrip, 1);
+    first_.push_back(first_.back() + strips * pitch(i) * (side(i) + 1));
+  }
+}
 
-int Slots::index(const Vertex& v) const {
-  if (!averaged_) return v.v * pitch_ + v.u;
-  const int coarser = resolutions_ - 1 - v.resolution;
-  int first = 0;
-  for (int i = 0; i < coarser; ++i) first += ((segments_ >> i) + 1) * ((segments_ >> i) + 1);
-  return first + (v.v >> coarser) * ((segments_ >> coarser) + 1) + (v.u >> coarser);
+int Slots::index(const Triangle& t, size_t corner) const {
+  const Vertex& at = t[corner];
+  const int lattice = first_.size() > 2 ? resolutions_ - 1 - at.resolution : 0;
+  const int strip = (std::min({t[0].u, t[1].u, t[2].u}) >> lattice) / kStrip;
+  return first_[static_cast<size_t>(lattice)] +
+         (strip * (side(lattice) + 1) + (at.v >> lattice)) * pitch(lattice) + (at.u >> lattice) -
+         strip * kStrip;
 }
 
 Bytes Slots::arrange(const std::vector<float>& page) const {
-  std::vector<float> out(static_cast<size_t>(floats_));
-  const int rows = averaged_ ? 1 : segments_ + 1;
-  const auto length = static_cast<int>(page.size()) / rows, step = averaged_ ? floats_ : pitch_;
-  for (int j = 0; j < rows; ++j) std::copy_n(page.begin() + j * length, length, out.begin() + j * step);
+  std::vector<float> out;
+  out.reserve(static_cast<size_t>(floats()));
+  auto rows = page.begin();
+  for (int i = 0; i + 1 < static_cast<int>(first_.size()); ++i) {
+    const int length = side(i) + 1;
+    for (int left = 0; left < side(i); left += kStrip) {
+      for (int v = 0; v < length; ++v) {
+        const auto from = rows + (v * length + left);
+        out.insert(out.end(), from, from + pitch(i));
+      }
+    }
+    rows += length * length;
+  }
   const auto bytes = as_bytes(out);
   return Bytes(bytes.begin(), bytes.end());
 }
