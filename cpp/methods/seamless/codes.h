@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // What is kept of an edge: two bytes. They hold the logarithms, rounded up, of
 //   weight  what the metric `roughness` multiplies its precision with: error a length, raised until claim 1
-//   holds
-//           (closure.h);
-//   low     the bound of what is drawn beside the edge at its coarsest resolution, as a part of weight x
-//   length; mid     with three resolutions, that of the one between, as a part of `low`.
+//           holds (closure.h);
+//   low     the bound of what is drawn beside the edge at its coarsest resolution, as a part of
+//           weight x length;
+//   mid     with three resolutions, that of the one between, as a part of `low`.
 // The bound at an edge's finest resolution is that of its patch's children at their coarsest. A whole number
 // of codes is an octave, and all three are on one scale, so that half a weight is a weight and a bound of one
-// level is one of the next, exactly.
+// level is one of the next, exactly. The scale has 21 octaves below the largest weight, and nothing.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ class CodeBook {
  public:
   /// `largest`: the weight of the largest code.
   CodeBook(int resolutions, double largest)
-      : steps_(resolutions == 2 ? 8 : 2),
+      : steps_(resolutions == 2 ? 12 : 3),
         weight_bits_(resolutions == 2 ? 8 : 6),
         part_bits_(resolutions == 2 ? 8 : 5),
         weights_(size_t{1} << weight_bits_) {
