@@ -76,7 +76,32 @@ double Hierarchy::bound(const Patch& p, Edge e, int k) const {
   return worst;
 }
 
+/// The edges of its children are those of all its tiles.
+double Hierarchy::finest_bound(const Patch& p) const {
+  if (p.level + 1 == layout.levels) return last_error;
+  const uint16_t* code = codes().data();
+  const Level& next = level[static_cast<size_t>(p.level + 1)];
+  const int branch = layout.branch_log2();
+  const int64_t y0 = p.y << branch, x0 = p.x << branch;
+  const int64_t y1 = std::min((p.y + 1) << branch, next.down),
+                x1 = std::min((p.x + 1) << branch, next.across);
+  const uint16_t* across = code + next.first_edge;
+  const uint16_t* down = across + next.across * (next.down + 1);
+  double worst = 0.0;
+  for (int64_t y = y0; y <= y1; ++y) {
+    for (int64_t x = x0; x < x1; ++x)
+      worst = std::max(worst, book_->low(across[y * next.across + x], next.length));
+  }
+  for (int64_t y = y0; y < y1; ++y) {
+    for (int64_t x = x0; x <= x1; ++x)
+      worst = std::max(worst, book_->low(down[y * (next.across + 1) + x], next.length));
+  }
+  return worst;
+}
+
 double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
+  const int top = layout.resolutions - 1;
+  if (std::all_of(k.begin(), k.end(), [&](int one) { return one == top; })) return finest_bound(p);
   double worst = 0.0;
   for (const Edge e : {kNorth, kEast, kSouth, kWest})
     worst = std::max(worst, bound(p, e, k[static_cast<size_t>(e)]));

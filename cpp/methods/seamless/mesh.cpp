@@ -105,6 +105,11 @@ PatchMesh::PatchMesh(int patch_log2, int resolutions) : patch_log2_(patch_log2),
     }
   }
   counts_.assign(static_cast<size_t>(pieces()) * static_cast<size_t>((side + 1) * (side + 1)), -1);
+  for (int packed = 0; packed < packed_count(resolutions); ++packed) {
+    whole_.push_back(0);
+    for (const int i : pieces_of(unpack(packed, resolutions)))
+      whole_.back() += static_cast<int64_t>(piece(i).size());
+  }
 }
 
 std::array<int, 12> PatchMesh::pieces_of(const Resolutions& k) const {
@@ -133,6 +138,7 @@ int PatchMesh::count(int piece_index, int clip_x, int clip_y) const {
 }
 
 int64_t PatchMesh::triangles(const Resolutions& k, int clip_x, int clip_y) const {
+  if (clip_x == segments() && clip_y == segments()) return whole_[static_cast<size_t>(pack(k, resolutions_))];
   int64_t sum = 0;
   for (const int i : pieces_of(k)) sum += count(i, clip_x, clip_y);
   return sum;

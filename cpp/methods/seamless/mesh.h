@@ -80,6 +80,7 @@ class PatchMesh {
 
   int patch_log2_, resolutions_;
   std::vector<std::vector<Triangle>> tiles_, halves_;
+  std::vector<int64_t> whole_;           ///< triangles of an unclipped patch, by its packed resolutions
   mutable std::vector<int32_t> counts_;  ///< of clipped pieces, -1: not counted yet
 };
 

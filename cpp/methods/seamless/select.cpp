@@ -114,8 +114,6 @@ void SeamlessSession::collect(Selector& selector, const Precision& precision, Cu
     cut.missing_nodes += missing;
     return true;
   });
-  std::sort(cut.nodes.begin(), cut.nodes.end(),
-            [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
 }
 
 }  // namespace lodlab::seamless

@@ -54,9 +54,8 @@ std::array<double, 4> Selector::weights(const Patch& p) const {
           book.weight(down[0])};
 }
 
-Reach Selector::reach(const Patch& p, double rho) const {
+Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
   const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
-  const std::array<double, 4> w = weights(p);
   Reach out;
   for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
   return out;
@@ -68,6 +67,7 @@ double Selector::edge_error(const Patch& p, Edge e, int k) const {
 }
 
 double Selector::error(const Patch& p, const Resolutions& k) const {
+  if (metric_.roughness) return hierarchy_.bound(p, k);
   double worst = 0.0;
   for (const Edge e : {kNorth, kEast, kSouth, kWest})
     worst = std::max(worst, edge_error(p, e, k[static_cast<size_t>(e)]));
@@ -82,15 +82,26 @@ Projector::Place Selector::place(const Patch& p) const {
 
 double Selector::pixels(const Patch& p, double error) const { return projector_.project(error, place(p)); }
 
-void Selector::push_children(const Patch& p, uint8_t planes) {
+void Selector::push_children(const Step& step, int64_t y) {
+  const Patch& p = step.patch;
   const Level& level = hierarchy_.level[static_cast<size_t>(p.level) + 1];
+  if (y >= level.down) return;
+  const int branch = layout_.branch_log2();
+  const int64_t end = std::min((p.x + 1) << branch, level.across);
+  for (int64_t x = p.x << branch; x < end; ++x) {
+    const Patch child{p.level + 1, y, x};
+    here_.push_back({child, planes_cutting(child, step.planes)});
+  }
+}
+
+void Selector::push_children() {
   const int64_t branch = int64_t{1} << layout_.branch_log2();
-  const int64_t y1 = std::min((p.y + 1) * branch, level.down),
-                x1 = std::min((p.x + 1) * branch, level.across);
-  for (int64_t y = p.y * branch; y < y1; ++y) {
-    for (int64_t x = p.x * branch; x < x1; ++x) {
-      const Patch child{p.level + 1, y, x};
-      stack_.push_back({child, planes_cutting(child, planes)});
+  for (size_t first = 0, end; first < parted_.size(); first = end) {
+    const int64_t y = parted_[first].patch.y;
+    end = first;
+    while (end < parted_.size() && parted_[end].patch.y == y) ++end;
+    for (int64_t row = y * branch; row < (y + 1) * branch; ++row) {
+      for (size_t i = first; i < end; ++i) push_children(parted_[i], row);
     }
   }
 }
@@ -152,19 +163,20 @@ std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>
                                      const std::array<double, 4>& distance, const Precision& precision,
                                      double tau) const {
   const double allowed = projector_.inverse(tau, place(p));
-  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
+  const Reach far = reach(p, weight, precision.rho);
   const int top = layout_.resolutions - 1;
+  Resolutions k;
+  for (size_t i = 0; i < 4; ++i) k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+  if (error(p, k) <= allowed) return std::nullopt;
   double split = std::numeric_limits<double>::infinity();
   if (p.level + 1 < layout_.levels) {
     for (size_t i = 0; i < 4; ++i) split = std::min(split, needed(p, weight[i], distance[i], 1.0));
   }
   std::optional<double> most;
   for (size_t i = 0; i < 4; ++i) {
-    const int k =
-        resolution((base + precision.rho * weight[i]) * length, distance[i], precision, layout_.resolutions);
-    if (edge_error(p, static_cast<Edge>(i), k) <= allowed) continue;
+    if (edge_error(p, static_cast<Edge>(i), k[i]) <= allowed) continue;
     double way = split;
-    if (k < top) way = std::min(way, needed(p, weight[i], distance[i], std::ldexp(1.0, k - top)));
+    if (k[i] < top) way = std::min(way, needed(p, weight[i], distance[i], std::ldexp(1.0, k[i] - top)));
     if (std::isinf(way)) continue;
     most = std::max(most.value_or(way), way);
   }
@@ -175,28 +187,32 @@ std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>
 /// one way down, raising the precision by what each patch asks for, ends at the least one for all.
 double Selector::fineness_for(double tau) {
   double fineness = coarsest();
-  stack_.clear();
   const Patch root{0, 0, 0};
-  stack_.push_back({root, planes_cutting(root, all_planes_)});
-  while (!stack_.empty()) {
-    const Step step = stack_.back();
-    stack_.pop_back();
-    if (step.planes == kOutside) continue;
-    ++traversed;
-    const Patch& p = step.patch;
-    const std::array<double, 4> distance = distances(p), weight = weights(p);
-    for (;;) {
-      const Precision precision = Precision::of(fineness);
-      if (p.level + 1 < layout_.levels && splits(reach(p, precision.rho), distance, precision)) {
-        push_children(p, step.planes);
-        break;
-      }
-      const std::optional<double> more = asks(p, weight, distance, precision, tau);
-      if (!more || *more <= fineness) break;
-      fineness = *more;
+  here_.assign(1, {root, planes_cutting(root, all_planes_)});
+  while (!here_.empty()) {
+    parted_.clear();
+    for (const Step& step : here_) {
+      if (step.planes == kOutside) continue;
+      ++traversed;
+      if (parts_for(step.patch, tau, fineness)) parted_.push_back(step);
     }
+    here_.clear();
+    push_children();
   }
   return fineness;
+}
+
+/// Raises the fineness to what a visible patch asks for; true when it then splits.
+bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
+  const std::array<double, 4> distance = distances(p), weight = weights(p);
+  for (;;) {
+    const Precision precision = Precision::of(fineness);
+    if (p.level + 1 < layout_.levels && splits(reach(p, weight, precision.rho), distance, precision))
+      return true;
+    const std::optional<double> more = asks(p, weight, distance, precision, tau);
+    if (!more || *more <= fineness) return false;
+    fineness = *more;
+  }
 }
 
 /// Bisection on a logarithmic scale from the coarsest cut to `most`, until 99 % of a budget are spent. Where

@@ -70,7 +70,9 @@ class Selector {
   }
   void push_away(const Patch& p, std::array<double, 4>& distance) const;
   uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
-  Reach reach(const Patch& p, double rho) const;
+  Reach reach(const Patch& p, double rho) const { return reach(p, weights(p), rho); }
+  Reach reach(const Patch& p, const std::array<double, 4>& weight, double rho) const;
+  bool parts_for(const Patch& p, double tau, double& fineness) const;
   std::array<double, 4> weights(const Patch& p) const;
   double edge_error(const Patch& p, Edge e, int k) const;
   /// The fineness at which an edge's epsilon exceeds a threshold.
@@ -79,7 +81,9 @@ class Selector {
   std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight,
                              const std::array<double, 4>& distance, const Precision& precision,
                              double tau) const;
-  void push_children(const Patch& p, uint8_t planes);
+  /// To `here_`, those of `parted_`, a row of patches after the other.
+  void push_children();
+  void push_children(const Step& step, int64_t y);
   Projector::Place place(const Patch& p) const;
 
   /// What makes a fineness one of about 1.
@@ -98,7 +102,7 @@ class Selector {
   };
   std::array<Plane, 5> planes_;
   uint8_t all_planes_;
-  std::vector<Step> stack_;
+  std::vector<Step> here_, parted_;
   /// A place that counts as so far away, other places as nearer by their distance from it. Source units, from
   /// the field's first sample.
   struct Block {
@@ -107,27 +111,30 @@ class Selector {
   std::vector<Block> blocks_;
 };
 
+/// Level by level, each row by row: leaves come in the order of their ids.
 template <class Leaf>
 void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
-  stack_.clear();
   const Patch root{0, 0, 0};
-  stack_.push_back({root, planes_cutting(root, all_planes_)});
-  while (!stack_.empty()) {
-    const Step step = stack_.back();
-    stack_.pop_back();
-    if (scope == Scope::kVisible && step.planes == kOutside) continue;
-    ++traversed;
-    const Patch& p = step.patch;
-    const std::array<double, 4> distance = distances(p);
-    const Reach far = reach(p, precision.rho);
-    if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
-      push_children(p, step.planes);
-      continue;
+  here_.assign(1, {root, planes_cutting(root, all_planes_)});
+  while (!here_.empty()) {
+    parted_.clear();
+    for (const Step& step : here_) {
+      if (scope == Scope::kVisible && step.planes == kOutside) continue;
+      ++traversed;
+      const Patch& p = step.patch;
+      const std::array<double, 4> distance = distances(p);
+      const Reach far = reach(p, precision.rho);
+      if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
+        parted_.push_back(step);
+        continue;
+      }
+      Active active{p, {}, step.planes != kOutside};
+      for (size_t i = 0; i < 4; ++i)
+        active.k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+      if (!leaf(active)) return;
     }
-    Active active{p, {}, step.planes != kOutside};
-    for (size_t i = 0; i < 4; ++i)
-      active.k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
-    if (!leaf(active)) return;
+    here_.clear();
+    push_children();
   }
 }
 
