@@ -83,7 +83,7 @@ View looking(const glm::dvec3& eye) {
 
 TEST_CASE("windows fill, and a move brings in an L of families") {
   for (const int64_t resolutions : {2, 3}) {
-    Pager pager(flat(1025, 1025, 1), shape(8, resolutions), {{"gpu_cache_mb", int64_t{1}}});
+    Pager pager(flat(513, 513, 1), shape(8, resolutions), {{"gpu_cache_mb", int64_t{1}}});
     Paging& paging = pager.paging;
     const Layout& layout = pager.layout();
     const int last = layout.levels - 1;
@@ -92,7 +92,7 @@ TEST_CASE("windows fill, and a move brings in an L of families") {
     INFO(slots, " slots, windows of ", width);
     CHECK(width < layout.across(last));
     CHECK(width >= 2 * step);
-    pager.load(pager.above(64.0, 64.0));
+    pager.load(pager.above(32.0, 32.0));
     CHECK(pager.resident() <= slots);
 
     const auto of_last_level = [&](const std::vector<int64_t>& ids) {
@@ -104,10 +104,10 @@ TEST_CASE("windows fill, and a move brings in an L of families") {
       return static_cast<int64_t>(out.size());
     };
     const auto move = static_cast<double>(step);
-    CHECK(pager.asked(pager.above(64.0, 64.0)).empty());
-    CHECK(of_last_level(pager.asked(pager.above(64.0 + move, 64.0))) == step * width);
-    CHECK(of_last_level(pager.asked(pager.above(64.0, 64.0 - move))) == step * width);
-    const glm::dvec3 diagonal = pager.above(64.0 + move, 64.0 + move);
+    CHECK(pager.asked(pager.above(32.0, 32.0)).empty());
+    CHECK(of_last_level(pager.asked(pager.above(32.0 + move, 32.0))) == step * width);
+    CHECK(of_last_level(pager.asked(pager.above(32.0, 32.0 - move))) == step * width);
+    const glm::dvec3 diagonal = pager.above(32.0 + move, 32.0 + move);
     CHECK(of_last_level(pager.asked(diagonal)) == 2 * step * width - step * step);
     pager.load(diagonal);
     CHECK(pager.asked(diagonal).empty());
@@ -117,10 +117,10 @@ TEST_CASE("windows fill, and a move brings in an L of families") {
 
 TEST_CASE("wherever the eye is, the parents of what is in a window are in one") {
   std::mt19937 random(1);
-  std::uniform_real_distribution<double> place(-20.0, 150.0);
+  std::uniform_real_distribution<double> place(-10.0, 75.0);
   for (const int64_t resolutions : {2, 3}) {
-    Pager pager(flat(1025, 700, 1), shape(8, resolutions), {{"gpu_cache_mb", int64_t{1}}});
-    for (int i = 0; i < 100; ++i) {
+    Pager pager(flat(513, 380, 1), shape(8, resolutions), {{"gpu_cache_mb", int64_t{1}}});
+    for (int i = 0; i < 50; ++i) {
       const std::vector<int64_t> list = pager.asked(pager.above(place(random), place(random)));
       const std::set<int64_t> ids(list.begin(), list.end());
       for (const int64_t id : ids) {
@@ -132,7 +132,7 @@ TEST_CASE("wherever the eye is, the parents of what is in a window are in one") 
 }
 
 TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
-  const Field field = flat(1025, 1025, 1);
+  const Field field = flat(513, 513, 1);
   const instrument::SampleGrid grid(*field);
   for (const int64_t resolutions : {2, 3}) {
     const Opened opened = open({field}, shape(8, resolutions));
@@ -142,9 +142,9 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
     const auto whole = opened.hierarchy->session(draw_options({{"stream", false}}));
     int64_t missing = 0;
     double first = 0.0, settled = 0.0;
-    for (int frame = 0; frame < 60; ++frame) {
-      const double at = std::min(frame, 30) * 100.0;  // then it stands still
-      const View view = looking({2000.0 + at, -7000.0 + at, 1500.0});
+    for (int frame = 0; frame < 40; ++frame) {
+      const double at = std::min(frame, 20) * 80.0;  // then it stands still
+      const View view = looking({1000.0 + at, -3500.0 + at, 1000.0});
       Budget budget;
       budget.pixel_error = 2.0;
       const Cut cut = session->select(view, budget);
@@ -171,7 +171,7 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
 }
 
 TEST_CASE("a cut of more patches than memory holds is drawn in rounds") {
-  const Opened opened = open({flat(1025, 1025, 1)}, shape(8, 2));
+  const Opened opened = open({flat(513, 513, 1)}, shape(8, 2));
   const auto session =
       opened.hierarchy->session(draw_options({{"gpu_cache_mb", int64_t{1}}, {"stream", false}}));
   const Cut cut = session->audit_cuts().back();
@@ -180,7 +180,7 @@ TEST_CASE("a cut of more patches than memory holds is drawn in rounds") {
     session->draw(cut, pass);
     submitted = pass.submitted;
   };
-  const Camera camera = make_camera(looking({5000.0, -5000.0, 1000.0}));
+  const Camera camera = make_camera(looking({2500.0, -2500.0, 1000.0}));
   CHECK(render::capture(camera, draw, true).triangles() == cut.triangles);
   CHECK(submitted.draw_calls > 1);
   CHECK(session->resident_bytes() <= 1 << 20);
