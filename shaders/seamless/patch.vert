@@ -30,7 +30,7 @@ void main() {
   ivec2 cell = min(a_place.xy + (at << int(a_tag.y & 255u)), u_last);
   uint level = a_tag.y >> 8;
 #ifdef LODLAB_PARTS
-  // The last vertex of a strip's triangle lies on a diagonal, where a tile has none (ranges.h).
+  // The last vertex of a strip's triangle lies on a diagonal, of a tile's it never does (ranges.h).
   level = at.x == at.y || at.x + at.y == u_segments ? 5u : 3u;
 #endif
   emit_surface(surface_position(cell, a_height), surface_grid(cell), a_tag.x, level, false);

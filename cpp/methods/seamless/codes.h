@@ -38,6 +38,9 @@ class CodeBook {
   double low(uint16_t code, double length) const { return weights_[low_code(code)] * length; }
   double mid(uint16_t code, double length) const { return weights_[mid_code(code)] * length; }
 
+  /// Of a code of a weight.
+  double bound(unsigned code, double length) const { return weights_[code] * length; }
+
   unsigned weight_code(uint16_t code) const { return code & ((1u << weight_bits_) - 1u); }
   /// Weights whose product with the edge's length is the bound.
   unsigned low_code(uint16_t code) const { return below(weight_code(code), code >> weight_bits_); }

@@ -49,15 +49,15 @@ Hierarchy::Hierarchy(std::shared_ptr<const Store> opened)
   book_ = std::make_shared<CodeBook>(layout.resolutions, largest_weight_);
 }
 
-const std::vector<uint16_t>& Hierarchy::codes() const {
+void Hierarchy::read_codes() const {
   std::call_once(once_, [&] {
     if (store == nullptr) return;  // filled by hand, without errors
     codes_ = store->array_of<uint16_t>("codes");
     if (codes_.size() != static_cast<size_t>(layout.first_edge(layout.levels)))
       throw StoreError("seamless: " + store->path() + " does not hold the errors of its " +
                        std::to_string(layout.first_edge(layout.levels)) + " edges");
+    read_ = true;
   });
-  return codes_;
 }
 
 double Hierarchy::bound(const Patch& p, Edge e, int k) const {
@@ -79,24 +79,23 @@ double Hierarchy::bound(const Patch& p, Edge e, int k) const {
 /// The edges of its children are those of all its tiles.
 double Hierarchy::finest_bound(const Patch& p) const {
   if (p.level + 1 == layout.levels) return last_error;
-  const uint16_t* code = codes().data();
   const Level& next = level[static_cast<size_t>(p.level + 1)];
+  const CodeBook& book = *book_;
   const int branch = layout.branch_log2();
   const int64_t y0 = p.y << branch, x0 = p.x << branch;
   const int64_t y1 = std::min((p.y + 1) << branch, next.down),
                 x1 = std::min((p.x + 1) << branch, next.across);
-  const uint16_t* across = code + next.first_edge;
+  const uint16_t* across = codes().data() + next.first_edge;
   const uint16_t* down = across + next.across * (next.down + 1);
-  double worst = 0.0;
+  unsigned worst = 0;
   for (int64_t y = y0; y <= y1; ++y) {
-    for (int64_t x = x0; x < x1; ++x)
-      worst = std::max(worst, book_->low(across[y * next.across + x], next.length));
+    for (int64_t x = x0; x < x1; ++x) worst = std::max(worst, book.low_code(across[y * next.across + x]));
   }
   for (int64_t y = y0; y < y1; ++y) {
     for (int64_t x = x0; x <= x1; ++x)
-      worst = std::max(worst, book_->low(down[y * (next.across + 1) + x], next.length));
+      worst = std::max(worst, book.low_code(down[y * (next.across + 1) + x]));
   }
-  return worst;
+  return book.bound(worst, next.length);
 }
 
 double Hierarchy::bound(const Patch& p, const Resolutions& k) const {

@@ -3,6 +3,7 @@
 // `metric=roughness`.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -38,7 +39,10 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
     return at.first + p.y * at.across + p.x;
   }
   /// Two bytes an edge, read on first use: the metric `distance` needs none.
-  const std::vector<uint16_t>& codes() const;
+  const std::vector<uint16_t>& codes() const {
+    if (!read_.load(std::memory_order_acquire)) read_codes();
+    return codes_;
+  }
   const CodeBook& book() const { return *book_; }
 
   /// Bound of what is drawn beside an edge of a patch with this resolution, source units.
@@ -68,7 +72,9 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   bool averaged_ = false;
   double largest_weight_ = 0.0;
   std::shared_ptr<const CodeBook> book_;
+  void read_codes() const;
   mutable std::once_flag once_;
+  mutable std::atomic<bool> read_ = false;
   mutable std::vector<uint16_t> codes_;
 };
 

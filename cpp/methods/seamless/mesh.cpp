@@ -23,17 +23,15 @@ Vertex turn(Edge e, int along, int inward, int side, int resolution) {
   return {static_cast<int16_t>(u), static_cast<int16_t>(v), static_cast<int16_t>(resolution)};
 }
 
-/// Between the two staircases of strips: from (1, 0) and (n - 1, 0) up to the apex below the centre, in steps
-/// of the tile's resolution.
+/// Whole lattice cells between the diagonals, in steps of the tile's resolution. Their own diagonals
+/// alternate as in the 4-8 mesh, which is the same seen from any edge.
 std::vector<Triangle> make_tile(Edge e, int k, int side, int step) {
   const int n = side / step;
   const auto at = [&](int i, int j) { return turn(e, i * step, j * step, side, k); };
   std::vector<Triangle> out;
-  for (int j = 0; j <= n / 2 - 2; ++j) {
-    const int first = j + 1, last = n - j - 1;  // of row j; row j + 1 has one less at each end
-    out.push_back({at(first, j), at(first + 1, j), at(first + 1, j + 1)});
-    for (int i = first + 1; i < last - 1; ++i) {
-      if (i < n / 2) {
+  for (int j = 0; j < n / 2 - 1; ++j) {
+    for (int i = j + 1; i < n - j - 1; ++i) {
+      if ((i + j) % 2 == 0) {
         out.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
         out.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
       } else {
@@ -41,33 +39,26 @@ std::vector<Triangle> make_tile(Edge e, int k, int side, int step) {
         out.push_back({at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
       }
     }
-    out.push_back({at(last - 1, j), at(last, j), at(last - 1, j + 1)});
   }
   return out;
 }
 
-/// Between the diagonal from the edge's start to the centre and the tile's staircase beside it: each of the
-/// staircase's points sees the diagonal's segments over its own step. At the edge's end it is the mirror
-/// image.
+/// The halves of the lattice cells on the diagonal from the edge's start to the centre: the corner of each,
+/// on the edge's side, sees the diagonal's segments across it. At the edge's end it is the mirror image.
 std::vector<Triangle> make_half(Edge e, Side at_side, int k, int diagonal, int side, int step, int fine) {
   const bool mirror = at_side == Side::kEnd;
   const int n = side / step, ratio = step / fine;
   const auto at = [&](int along, int inward, int resolution) {
     return turn(e, mirror ? side - along : along, inward, side, resolution);
   };
-  const auto stair = [&](int t) { return at((t + 1) * step, t * step, k); };
   const auto on_diagonal = [&](int i) { return at(i * fine, i * fine, diagonal); };
   std::vector<Triangle> out;
-  const auto add = [&](const Vertex& a, const Vertex& b, const Vertex& c) {
-    if (mirror) {
-      out.push_back({a, c, b});
-    } else {
-      out.push_back({a, b, c});
-    }
-  };
   for (int t = 0; t < n / 2; ++t) {
-    for (int i = t * ratio; i < (t + 1) * ratio; ++i) add(on_diagonal(i), stair(t), on_diagonal(i + 1));
-    if (t + 1 < n / 2) add(on_diagonal((t + 1) * ratio), stair(t), stair(t + 1));
+    const Vertex corner = at((t + 1) * step, t * step, k);
+    for (int i = t * ratio; i < (t + 1) * ratio; ++i) {
+      const Vertex a = on_diagonal(i), b = on_diagonal(i + 1);
+      out.push_back(mirror ? Triangle{a, b, corner} : Triangle{a, corner, b});
+    }
   }
   return out;
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
 // The meshes that patches are made of, in lattice points (u east, v south) of a patch: triangular tiles, one
 // an edge, and strips along the half diagonals that join two tiles of any resolutions (Livny, Kogan, El-Sana,
-// section 3, figures 3 and 4). A strip is two halves, one on each side of the diagonal; the diagonal has the
-// finer of its two resolutions. Everything is made once for one edge and turned to the other three.
+// section 3, figures 3 and 4). A tile is the whole lattice cells between two diagonals; a strip the cells on
+// one, in two halves, one on each side of it; the diagonal has the finer of its two resolutions. Everything
+// is made once for one edge and turned to the other three. Cells are cut as in the 4-8 mesh: with stride 1
+// everywhere a patch is the source's own surface.
 //
-// Invariants: the eight pieces of a patch tile it exactly once, whatever its four resolutions,
-// counter-clockwise seen from above, and its boundary has exactly the segments of its edges' resolutions.
-// Every triangle keeps its orientation, or collapses, under any monotone map of u and of v: clamped borders
-// turn nothing over.
+// Invariants: the pieces of a patch tile it exactly once, whatever its four resolutions, counter-clockwise
+// seen from above, and its boundary has exactly the segments of its edges' resolutions. Every triangle keeps
+// its orientation, or collapses, under any monotone map of u and of v: clamped borders turn nothing over.
 #pragma once
 
 #include <array>

@@ -25,11 +25,14 @@ Ranges::Range Ranges::compose(const Key& key) {
   const int side = mesh_.segments();
   const auto on_diagonal = [side](const Vertex& p) { return p.u == p.v || p.u + p.v == side; };
   std::vector<Triangle> all;
-  for (const int piece : mesh_.pieces_of(key.k)) {
-    for (Triangle t : mesh_.piece(piece)) {
+  const std::array<int, 12> pieces = mesh_.pieces_of(key.k);
+  for (size_t i = 0; i < pieces.size(); ++i) {
+    const bool strip = i >= 4;  // the last vertex of a strip's triangle lies on a diagonal, of a tile's never
+    for (Triangle t : mesh_.piece(pieces[i])) {
       if (!remains(t, key.clip_x, key.clip_y)) continue;
-      const auto last = std::find_if(t.begin(), t.end(), on_diagonal);
-      if (last != t.end()) std::rotate(t.begin(), last + 1, t.end());
+      const auto last =
+          std::find_if(t.begin(), t.end(), [&](const Vertex& p) { return on_diagonal(p) == strip; });
+      std::rotate(t.begin(), last + 1, t.end());
       all.push_back(t);
     }
   }

@@ -100,6 +100,7 @@ void SeamlessSession::ask_for(Cut& cut, const Projector& projector) {
 
 void SeamlessSession::collect(Selector& selector, const Precision& precision, Cut& cut) const {
   const Layout& layout = hierarchy_->layout;
+  cut.nodes.reserve(256);
   selector.traverse(precision, Selector::Scope::kWhole, [&](const Selector::Active& a) {
     const Patch& p = a.patch;
     const double error = selector.error(p, a.k);

@@ -43,24 +43,6 @@ uint8_t Selector::planes_cutting(const Patch& p, uint8_t planes) const {
   return cut;
 }
 
-std::array<double, 4> Selector::weights(const Patch& p) const {
-  if (codes_ == nullptr) return {1.0, 1.0, 1.0, 1.0};
-  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
-  const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
-  const uint16_t* down =
-      codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
-  const CodeBook& book = hierarchy_.book();
-  return {book.weight(across[0]), book.weight(down[1]), book.weight(across[level.across]),
-          book.weight(down[0])};
-}
-
-Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
-  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
-  Reach out;
-  for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
-  return out;
-}
-
 double Selector::edge_error(const Patch& p, Edge e, int k) const {
   if (metric_.roughness) return hierarchy_.bound(p, e, k);
   return hierarchy_.typical[static_cast<size_t>(p.level * layout_.resolutions + k)];
@@ -75,8 +57,12 @@ double Selector::error(const Patch& p, const Resolutions& k) const {
 }
 
 Projector::Place Selector::place(const Patch& p) const {
-  const Box box = hierarchy_.box(p);
-  const double lo[3]{box.lo.x, box.lo.y, box.lo.z}, hi[3]{box.hi.x, box.hi.y, box.hi.z};
+  const FieldFrame& f = hierarchy_.frame;
+  const int m = layout_.segments();
+  const double lo[3]{f.x0 + static_cast<double>(layout_.col(p)) * f.dx,
+                     f.y0 - static_cast<double>(layout_.sample_row(p, m)) * f.dy, f.z_min};
+  const double hi[3]{f.x0 + static_cast<double>(layout_.sample_col(p, m)) * f.dx,
+                     f.y0 - static_cast<double>(layout_.row(p)) * f.dy, f.z_max};
   return projector_.place(lo, hi);
 }
 

@@ -111,6 +111,24 @@ class Selector {
   std::vector<Block> blocks_;
 };
 
+inline std::array<double, 4> Selector::weights(const Patch& p) const {
+  if (codes_ == nullptr) return {1.0, 1.0, 1.0, 1.0};
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
+  const uint16_t* down =
+      codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
+  const CodeBook& book = hierarchy_.book();
+  return {book.weight(across[0]), book.weight(down[1]), book.weight(across[level.across]),
+          book.weight(down[0])};
+}
+
+inline Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
+  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
+  Reach out;
+  for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
+  return out;
+}
+
 /// Level by level, each row by row: leaves come in the order of their ids.
 template <class Leaf>
 void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
