@@ -44,11 +44,6 @@ class CodeBook {
   unsigned low_code(uint16_t code) const {
     return bytes_ ? code >> 8u : below(weight_code(code), code >> weight_bits_);
   }
-  /// Of two edges, one with the larger `low`.
-  uint16_t larger_low(uint16_t a, uint16_t b) const {
-    if (bytes_) return std::max(a, b);
-    return low_code(a) < low_code(b) ? b : a;
-  }
   unsigned mid_code(uint16_t code) const { return below(low_code(code), code >> (weight_bits_ + kPartBits)); }
   /// The smallest code whose weight is at least this, which is no larger than the largest.
   int weight_code_of(double weight) const;
