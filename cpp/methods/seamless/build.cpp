@@ -30,8 +30,14 @@ struct Shape {
   int patch_log2, resolutions;
 };
 
-Shape shape_of(const Options& options) {
-  const int64_t patch = options.integer("patch");
+/// About sixteen patches of the last level along the longer side, of 16 to 64 segments.
+int64_t chosen_patch(const FieldFrame& frame) {
+  const auto share = static_cast<uint64_t>((std::max(frame.rows, frame.cols) - 1) / 16);
+  return std::clamp<int64_t>(static_cast<int64_t>(std::bit_floor(share)), 16, 64);
+}
+
+Shape shape_of(const Options& options, const FieldFrame& frame) {
+  const int64_t given = options.integer("patch"), patch = given == 0 ? chosen_patch(frame) : given;
   const auto resolutions = static_cast<int>(options.integer("resolutions"));
   if (!std::has_single_bit(static_cast<uint64_t>(patch))) {
     throw InvalidInput("seamless: option patch = " + std::to_string(patch) + " is not a power of two");
@@ -126,7 +132,7 @@ class Builder {
  public:
   Builder(Bands& bands, const Options& options, const Progress& progress)
       : bands_(bands),
-        shape_(shape_of(options)),
+        shape_(shape_of(options, bands.frame())),
         steps_(bands_of(bands)),
         finest_error_(options.real("finest_error")),
         parts_(steps_.size() * (finest_error_ > 0.0 ? 3 : 2)),

@@ -87,15 +87,14 @@ double Hierarchy::finest_bound(const Patch& p) const {
                 x1 = std::min((p.x + 1) << branch, next.across);
   const uint16_t* across = codes().data() + next.first_edge;
   const uint16_t* down = across + next.across * (next.down + 1);
-  unsigned worst = 0;
+  uint16_t worst = across[y0 * next.across + x0];
   for (int64_t y = y0; y <= y1; ++y) {
-    for (int64_t x = x0; x < x1; ++x) worst = std::max(worst, book.low_code(across[y * next.across + x]));
+    for (int64_t x = x0; x < x1; ++x) worst = book.larger_low(worst, across[y * next.across + x]);
   }
   for (int64_t y = y0; y < y1; ++y) {
-    for (int64_t x = x0; x <= x1; ++x)
-      worst = std::max(worst, book.low_code(down[y * (next.across + 1) + x]));
+    for (int64_t x = x0; x <= x1; ++x) worst = book.larger_low(worst, down[y * (next.across + 1) + x]);
   }
-  return book.bound(worst, next.length);
+  return book.low(worst, next.length);
 }
 
 double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
