@@ -6,6 +6,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "geometry/coverage.h"
 #include "seamless_stores.h"
 
 using namespace lodlab;
@@ -143,4 +144,67 @@ TEST_CASE("options that no patch can have are refused, and say what can") {
     return std::string("no error");
   };
   CHECK(testing::says(message(shape(48, 2)), "patch = 48 is not a power of two"));
+  CHECK(message(shape(8, 3)) == "no error");
+}
+
+TEST_CASE("voids: the mask of cells is kept, in memory and by rows") {
+  std::vector<uint8_t> valid(90 * 70, 1);
+  for (size_t i = 0; i < valid.size(); ++i) valid[i] = i % 70 > 20 && i % 70 < 40 && i / 70 > 30 ? 0 : 1;
+  const Field field = synthetic::field(synthetic::flat(90, 70), rough(61), valid);
+  const Opened opened = open({field}, shape(8, 2)), by_rows = open({nullptr, windowed(field)}, shape(8, 2));
+  CHECK(opened.hierarchy->coverage() == coverage_bits(*field));
+  CHECK(by_rows.content_hash == opened.content_hash);
+  CHECK(open({flat(20, 20, 1)}, shape(8, 2)).hierarchy->coverage().empty());
+}
+
+TEST_CASE("a build that was stopped goes on to the same store") {
+  const Field field = flat(150, 170, 41);
+  const testing::TemporaryFolder folder;
+  const auto build = [&](const std::string& name, BuildMode mode, const Progress& progress) {
+    return build_store({field}, seamless_method(), shape(8, 2), folder / name, mode, progress)
+        ->content_hash();
+  };
+  double last = 0.0;
+  const std::string whole = build("a.lod", BuildMode::kNew, [&](const std::string&, double share) {
+    CHECK(share >= last);
+    CHECK(share <= 1.0);
+    last = share;
+  });
+  CHECK(last == 1.0);
+  const auto stop = [](const std::string& stage, double share) {
+    if (stage == "patches" && share > 0.7) throw Interrupted();
+  };
+  CHECK_THROWS_AS(build("b.lod", BuildMode::kNew, stop), Interrupted);
+  CHECK(build("b.lod", BuildMode::kResume, {}) == whole);
+}
+
+TEST_CASE("a store whose arrays do not fit its field is refused, and says why") {
+  const Field field = flat(100, 100, 42);
+  const testing::TemporaryFolder folder;
+  const auto message = [&](const std::vector<int32_t>& layout, size_t means, size_t edges,
+                           const std::vector<double>& scales) {
+    const std::string path = folder / "a.lod";
+    {
+      StoreWriter writer(path, {"seamless", "{}", "cafe", "", frame_to_json(*field)}, BuildMode::kForce);
+      writer.put_array("layout", as_bytes(layout));
+      writer.put_array("typical", as_bytes(std::vector<double>(means)));
+      writer.put_array("scales", as_bytes(scales));
+      writer.put_array("codes", as_bytes(std::vector<uint16_t>(edges)));
+      writer.put_meta("pyramid", "vertex");
+      writer.commit();
+    }
+    return testing::store_error([&] { seamless::Hierarchy(Store::open(path)).codes(); });
+  };
+  const Layout right = make_layout(*field, 3, 2, 0);
+  const std::vector<int32_t> layout{3, 2, 0, right.levels};
+  const auto means = static_cast<size_t>(2 * right.levels);
+  const auto edges = static_cast<size_t>(right.first_edge(right.levels));
+  CHECK(message(layout, means, edges, {1.0, 0.0}) == "no error");
+  CHECK(testing::says(message({3, 2, 0}, means, edges, {1.0, 0.0}), "holds no layout of patches"));
+  CHECK(testing::says(message({3, 5, 0, 5}, means, edges, {1.0, 0.0}), "holds no layout of patches"));
+  CHECK(testing::says(message({3, 2, 1, right.levels}, means, edges, {1.0, 0.0}), "levels of patches"));
+  CHECK(testing::says(message(layout, 1, edges, {1.0, 0.0}), "mean errors"));
+  CHECK(testing::says(message(layout, means, edges - 1, {1.0, 0.0}), "errors of its"));
+  CHECK(testing::says(message(layout, means, edges, {1.0}), "scales"));
+  CHECK(testing::says(message(layout, means, edges, {-1.0, 0.0}), "scales"));
 }

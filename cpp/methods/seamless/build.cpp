@@ -30,8 +30,14 @@ struct Shape {
   int patch_log2, resolutions;
 };
 
-Shape shape_of(const Options& options) {
-  const int64_t patch = options.integer("patch");
+/// About sixteen patches of the last level along the longer side, of 16 to 64 segments.
+int64_t chosen_patch(const FieldFrame& frame) {
+  const auto share = static_cast<uint64_t>((std::max(frame.rows, frame.cols) - 1) / 16);
+  return std::clamp<int64_t>(static_cast<int64_t>(std::bit_floor(share)), 16, 64);
+}
+
+Shape shape_of(const Options& options, const FieldFrame& frame) {
+  const int64_t given = options.integer("patch"), patch = given == 0 ? chosen_patch(frame) : given;
   const auto resolutions = static_cast<int>(options.integer("resolutions"));
   if (!std::has_single_bit(static_cast<uint64_t>(patch))) {
     throw InvalidInput("seamless: option patch = " + std::to_string(patch) + " is not a power of two");
@@ -81,7 +87,7 @@ std::vector<Share> shares_of(const Layout& layout, const Band& band, int least) 
   return shares;
 }
 
-/// Calls work(measurer, share) in parallel; `progress` counts the shares of one pass of so many bands.
+/// Calls work(measurer, share) in parallel.
 template <class Work>
 void for_shares(const Layout& layout, const PatchMesh& mesh, const Pyramid& pyramid,
                 const std::vector<Share>& shares, const Progress& progress, const Work& work) {
@@ -111,7 +117,7 @@ Bytes page_of(const Pyramid& pyramid, const HeightRows& rows, const Layout& layo
 
 /// Reports work that goes from one share of the whole to another.
 Progress part_of(const Progress& progress, size_t part, size_t parts) {
-  return [&progress, part, parts](const std::string& stage, double share) {
+  return [progress, part, parts](const std::string& stage, double share) {
     if (progress) progress(stage, (static_cast<double>(part) + share) / static_cast<double>(parts));
   };
 }
@@ -120,16 +126,19 @@ class Builder {
  public:
   Builder(Bands& bands, const Options& options, const Progress& progress)
       : bands_(bands),
-        shape_(shape_of(options)),
+        shape_(shape_of(options, bands.frame())),
         steps_(bands_of(bands)),
         finest_error_(options.real("finest_error")),
-        parts_(steps_.size() * (finest_error_ > 0.0 ? 2 : 1)),
+        parts_(steps_.size() * (finest_error_ > 0.0 ? 3 : 2)),
         progress_(progress),
         mesh_(shape_.patch_log2, shape_.resolutions),
         pyramid_(bands.frame(), options.text("pyramid") == "average") {}
 
   void run(StoreWriter& writer) {
-    for (const Band& band : steps_) pyramid_.take(read(bands_, band), band.first, band.end);
+    for (const Band& band : steps_) {
+      pyramid_.take(read(bands_, band), band.first, band.end);
+      next_part()("heights", 1.0);
+    }
     pyramid_.finish();
     const Layout layout = layout_with(finest_log2());
     PatchErrors errors(layout);
@@ -176,7 +185,8 @@ class Builder {
         const Layout layout = layout_with(a);
         PatchErrors errors(layout);
         std::atomic<bool> beyond = false;
-        for_shares(layout, mesh_, pyramid_, shares_of(layout, band, layout.levels - 1), progress,
+        const Progress part = part_of(progress, static_cast<size_t>(a - 1), static_cast<size_t>(most));
+        for_shares(layout, mesh_, pyramid_, shares_of(layout, band, layout.levels - 1), part,
                    [&](Measurer& measurer, const Share& share) {
                      if (beyond) return;
                      measurer.measure(rows, share, layout.resolutions - 1, errors);

@@ -76,35 +76,35 @@ double Hierarchy::bound(const Patch& p, Edge e, int k) const {
   return worst;
 }
 
-/// The edges of its children are those of all its tiles.
-double Hierarchy::finest_bound(const Patch& p) const {
-  if (p.level + 1 == layout.levels) return last_error;
-  const Level& next = level[static_cast<size_t>(p.level + 1)];
-  const CodeBook& book = *book_;
-  const int branch = layout.branch_log2();
-  const int64_t y0 = p.y << branch, x0 = p.x << branch;
-  const int64_t y1 = std::min((p.y + 1) << branch, next.down),
-                x1 = std::min((p.x + 1) << branch, next.across);
-  const uint16_t* across = codes().data() + next.first_edge;
-  const uint16_t* down = across + next.across * (next.down + 1);
-  unsigned worst = 0;
-  for (int64_t y = y0; y <= y1; ++y) {
-    for (int64_t x = x0; x < x1; ++x) worst = std::max(worst, book.low_code(across[y * next.across + x]));
-  }
-  for (int64_t y = y0; y < y1; ++y) {
-    for (int64_t x = x0; x <= x1; ++x)
-      worst = std::max(worst, book.low_code(down[y * (next.across + 1) + x]));
-  }
-  return book.bound(worst, next.length);
-}
-
+/// A frame asks for as many of these as it has patches: with two resolutions, where no child is clipped away,
+/// the three child edges of a tile are looked up side by side.
 double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
   const int top = layout.resolutions - 1;
-  if (std::all_of(k.begin(), k.end(), [&](int one) { return one == top; })) return finest_bound(p);
+  const Level& here = level[static_cast<size_t>(p.level)];
+  const Level* next = p.level + 1 < layout.levels ? &level[static_cast<size_t>(p.level) + 1] : nullptr;
   double worst = 0.0;
-  for (const Edge e : {kNorth, kEast, kSouth, kWest})
-    worst = std::max(worst, bound(p, e, k[static_cast<size_t>(e)]));
-  return worst;
+  if (top != 1 || next == nullptr || 2 * p.x + 2 > next->across || 2 * p.y + 2 > next->down) {
+    for (const Edge e : {kNorth, kEast, kSouth, kWest}) worst = std::max(worst, bound(p, e, k[e]));
+    return worst;
+  }
+  const uint16_t* code = codes().data();
+  const int64_t pitch = next->across;
+  const uint16_t* h = code + next->first_edge + 2 * p.y * pitch + 2 * p.x;
+  const uint16_t* v = code + next->first_edge + pitch * (next->down + 1) + 2 * p.y * (pitch + 1) + 2 * p.x;
+  const uint16_t* below = v + pitch + 1;
+  const std::array<uint16_t, 4> finest{std::max({h[0], h[1], v[1]}), std::max({v[2], below[2], h[pitch + 1]}),
+                                       std::max({h[2 * pitch], h[2 * pitch + 1], below[1]}),
+                                       std::max({v[0], below[0], h[pitch]})};
+  const uint16_t* across = code + here.first_edge + p.y * here.across + p.x;
+  const uint16_t* down =
+      code + here.first_edge + here.across * (here.down + 1) + p.y * (here.across + 1) + p.x;
+  const std::array<uint16_t, 4> own{across[0], down[1], across[here.across], down[0]};
+  uint16_t finer = 0, coarser = 0;  // `low` is the upper byte: the larger code has the larger one
+  for (size_t i = 0; i < 4; ++i) {
+    finer = std::max(finer, k[i] == top ? finest[i] : uint16_t{0});
+    coarser = std::max(coarser, k[i] == top ? uint16_t{0} : own[i]);
+  }
+  return std::max(book_->low(finer, next->length), book_->low(coarser, here.length));
 }
 
 Box Hierarchy::box(const Patch& p) const {

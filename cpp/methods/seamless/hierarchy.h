@@ -49,8 +49,6 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   double bound(const Patch& p, Edge e, int k) const;
   /// The largest over the four edges.
   double bound(const Patch& p, const Resolutions& k) const;
-  /// The same with all at their finest.
-  double finest_bound(const Patch& p) const;
   /// Of all heights of the field, over the clamped patch.
   Box box(const Patch& p) const;
   /// The heights of a patch (build.cpp says in which order).

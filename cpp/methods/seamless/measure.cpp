@@ -4,7 +4,7 @@
 //
 // A patch that is whole is symmetric: turned so that an edge lies in row 0, its four edges have the same
 // triangles. So four of them are measured at once, one in each lane of a vector. What is clamped, or larger
-// than what is there of the field, is measured one by one.
+// than a share, is measured one by one.
 #include "methods/seamless/measure.h"
 
 #include <algorithm>
@@ -19,9 +19,6 @@ typedef float Four __attribute__((vector_size(16)));
 /// What rounding in 32 bits can take: not more than 24 half steps of a triangle's range of heights, and two
 /// of the distance itself.
 constexpr float kOfRange = 0x1p-19f, kOfDistance = 0x1p-20f;
-
-/// Sides of patches that are measured in lanes: the turned samples of larger ones leave the cache.
-constexpr int kMostLanes = 512;
 
 float absolute(float v) { return std::abs(v); }
 Four absolute(const Four& v) { return v < 0.0f ? -v : v; }
@@ -245,7 +242,7 @@ void Measurer::measure(const HeightRows& rows, const Share& share, int least, Pa
   const int exact = s.layout.stride_log2(p.level) == 0 ? 1 : 0;
   s.prepare(rows, p, least);
   const bool whole = last_row <= s.layout.last_row() && last_col <= s.layout.last_col() &&
-                     share.first == s.layout.row(p) && share.end == last_row + 1 && side <= kMostLanes;
+                     share.first == s.layout.row(p) && share.end == last_row + 1;
   if (whole) s.turn(rows, p);
   for (int k = least; k < s.layout.resolutions - exact; ++k) {
     if (whole) {

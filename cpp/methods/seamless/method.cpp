@@ -27,12 +27,14 @@ std::vector<OptionSpec> option_table() {
        0.0,
        1e9},
       {"patch",
-       int64_t{64},
+       int64_t{0},
        kBuild,
        "segments",
-       "Segments of a patch's edge at its finest resolution, a power of two.",
+       "Segments of a patch's edge at its finest resolution, a power of two; 0 chooses it for about sixteen "
+       "of the "
+       "smallest patches along a side, from 16 to 64.",
        {},
-       8,
+       0,
        128},
       {"resolutions",
        int64_t{2},

@@ -57,14 +57,15 @@ class Distances {
     const double east = east_ - static_cast<double>((p.x + 1) << side) * dx_;
     const double beside_x = nearest_ ? std::max({-west, east, 0.0}) : 0.5 * (west + east);
     const double beside_y = nearest_ ? std::max({-north, south, 0.0}) : 0.5 * (north + south);
-    return {length(north, beside_x), length(east, beside_y), length(south, beside_x), length(west, beside_y)};
+    const std::array<double, 4> across{north, east, south, west},
+        along{beside_x, beside_y, beside_x, beside_y};
+    std::array<double, 4> out;
+    for (size_t i = 0; i < 4; ++i) out[i] = std::sqrt(square(across[i]) + square(along[i]) + above_);
+    return out;
   }
 
  private:
   static double square(double x) { return x * x; }
-  double length(double across, double along) const {
-    return std::sqrt(square(across) + square(along) + above_);
-  }
 
   double dx_, dy_, east_, south_, above_;
   bool nearest_;
@@ -81,9 +82,8 @@ inline bool splits(const Reach& reach, const std::array<double, 4>& distance, co
 
 /// The resolution of an edge of a patch that does not split.
 inline int resolution(double reach, double distance, const Precision& precision, int resolutions) {
-  int k = resolutions - 1;
-  for (double d = 0.5 * (distance + precision.away); k > 0 && reach <= d; d *= 0.5) --k;
-  return k;
+  const double from = distance + precision.away;
+  return resolutions == 2 ? reach > 0.5 * from : (reach > 0.25 * from) + (reach > 0.5 * from);
 }
 
 }  // namespace lodlab::seamless
