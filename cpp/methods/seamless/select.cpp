@@ -26,13 +26,18 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
   const Projector projector(projection_, camera);
   Selector selector(*hierarchy_, mesh_, metric_, projector, &camera);
   const double asked = fineness(selector, budget);
+  if (paging_->streams()) ask_for(selector, asked, camera.eye);
   const double drawn = paging_->streams() ? stand_in(selector, budget, asked) : asked;
   Cut cut;
   cut.view = view;
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
   collect(selector, Precision::of(drawn), cut);
-  if (paging_->streams()) ask_for(cut, projector);
+  if (paging_->streams()) {
+    for (const CutNode& picked : cut.nodes) {
+      if (picked.visible) paging_->touch(picked.node, 2.0);
+    }
+  }
   cut.adapt_steps = selector.traversed;
   cut.tau = budget.pixel_error.value_or(cut.predicted_px);
   cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
@@ -47,17 +52,13 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
 /// of them.
 double SeamlessSession::stand_in(Selector& selector, const Budget& budget, double asked) {
   constexpr size_t kMostBlocks = 64;  // each costs all edges a look; beyond them everything becomes coarser
-  paging_->next_frame();
-  missing_.clear();
   double fineness = asked;
-  for (bool first = true;; first = false) {
+  while (true) {
     const Precision precision = Precision::of(fineness);
     parents_.clear();
     selector.traverse(precision, Selector::Scope::kVisible, [&](const Selector::Active& a) {
       const int64_t id = hierarchy_->id(a.patch);
-      if (paging_->resident(id)) return true;
-      if (first) missing_.push_back(id);
-      parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
+      if (!paging_->resident(id)) parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
       return true;
     });
     if (parents_.empty()) return fineness;
@@ -73,28 +74,20 @@ double SeamlessSession::stand_in(Selector& selector, const Budget& budget, doubl
   }
 }
 
-/// What the frame draws is kept; what it lacks comes first, from the top down, then what lies outside the
-/// frustum, then the windows round the eye.
-void SeamlessSession::ask_for(Cut& cut, const Projector& projector) {
-  const Layout& layout = hierarchy_->layout;
+/// What the frame should draw is kept, whatever stands in for some of it; what of that is missing comes
+/// first, from the top down, then what lies outside the frustum, then the windows round the eye.
+void SeamlessSession::ask_for(Selector& selector, double asked, const glm::dvec3& eye) {
+  paging_->next_frame();
   int finest = 0;
-  for (CutNode& picked : cut.nodes) {
-    const Patch p = layout.at(picked.node);
-    finest = std::max(finest, p.level);
-    if (picked.visible) {
-      paging_->touch(picked.node, 2.0);
-    } else {
-      paging_->need(picked.node, 0.5);
-    }
-  }
-  for (const int64_t id : missing_) {
-    double priority = 2.0;
-    for (int64_t above = id; !paging_->resident(above); above = paging_->parent(above)) {
-      paging_->need(above, priority);
-      priority *= 2.0;
-    }
-  }
-  paging_->follow(projector.eye, finest);
+  selector.traverse(Precision::of(asked), Selector::Scope::kWhole, [&](const Selector::Active& a) {
+    finest = std::max(finest, a.patch.level);
+    const double priority = a.visible ? 2.0 : 0.5;
+    int64_t id = hierarchy_->id(a.patch);
+    for (; !paging_->resident(id); id = paging_->parent(id)) paging_->need(id, priority);
+    paging_->touch(id, priority);
+    return true;
+  });
+  paging_->follow(eye, finest);
   paging_->ask();
 }
 

@@ -38,7 +38,7 @@ class SeamlessSession : public Session {
   double fineness(Selector& selector, const Budget& budget) const;
   double within(Selector& selector, const Budget& budget, double most) const;
   double stand_in(Selector& selector, const Budget& budget, double asked);
-  void ask_for(Cut& cut, const Projector& projector);
+  void ask_for(Selector& selector, double asked, const glm::dvec3& eye);
   void add(const Patch& p, const Resolutions& k, Cut& cut) const;
   void admit_wanted(render::Submitted& submitted);
   void collect(Selector& selector, const Precision& precision, Cut& cut) const;
@@ -50,8 +50,8 @@ class SeamlessSession : public Session {
   PatchMesh mesh_;
   bool parts_;  ///< colours by level tell strips from tiles
   std::unique_ptr<Paging> paging_;
-  std::vector<int64_t> missing_, parents_;  // scratch of a frame
-  std::shared_ptr<Gpu> gpu_;                // knows how to delete what only draw.cpp knows
+  std::vector<int64_t> parents_;  // scratch of a frame
+  std::shared_ptr<Gpu> gpu_;      // knows how to delete what only draw.cpp knows
 };
 
 }  // namespace lodlab::seamless
