@@ -102,6 +102,11 @@ std::vector<std::shared_ptr<PyCut>> audit_cuts(const PySession& self) {
   return out;
 }
 
+std::shared_ptr<PyCut> random_cut(const PySession& self, uint64_t seed) {
+  std::optional<Cut> cut = self.selecting().random_cut(seed);
+  return cut ? std::make_shared<PyCut>(PyCut{std::move(*cut), self.store().hierarchy}) : nullptr;
+}
+
 Frame draw(PySession& self, const PyCut& cut, const View& view, const std::string& show, bool everything) {
   render::Picture picture;
   {
@@ -304,6 +309,9 @@ void bind_session_class(py::module_& m) {
            "A cut by hand: nodes that cover the source once. InvalidInput names the first gap or overlap.")
       .def("audit_cuts", &audit_cuts,
            "Cuts that together draw every node at every resolution in every state of morph and edges.")
+      .def("random_cut", &random_cut, py::arg("seed"), py::call_guard<py::gil_scoped_release>(),
+           "A random one of all valid cuts; None: any nodes that cover the source, at any resolutions, are "
+           "one.")
       .def("draw", &draw, cut, view, py::arg("show") = "shade", py::arg("everything") = false,
            "A Frame; show is 'shade', 'normal', 'level' or 'class'. With everything, culled nodes are drawn "
            "too.")
@@ -329,7 +337,11 @@ void bind_session_class(py::module_& m) {
       .def(
           "session",
           [](std::shared_ptr<PyStore> store, const py::dict& options) {
-            return std::make_shared<PySession>(std::move(store), options);
+            auto session = std::make_shared<PySession>(std::move(store), options);
+            for (const std::string& warning : session->selecting().warnings()) {
+              if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) < 0) throw py::error_already_set();
+            }
+            return session;
           },
           py::arg("options") = py::dict(), "A new session with these draw options.");
 }

@@ -112,12 +112,19 @@ class Session {
   /// has to cover: what an audit measures.
   virtual std::vector<Cut> audit_cuts() const = 0;
 
+  /// A random one of all valid cuts, the same for a seed. Nothing: any nodes at any of their resolutions that
+  /// cover the source are one.
+  virtual std::optional<Cut> random_cut(uint64_t /*seed*/) const { return std::nullopt; }
+
   /// Submits the cut's GL calls into the pass: its visible nodes, or all when `pass.everything()`.
   /// Uploads what is missing and resident in main memory; never waits for storage.
   virtual void draw(const Cut& cut, render::Pass& pass) = 0;
 
   /// Forgets adaptation state, so that a run starts the same way every time. Caches stay warm.
   virtual void reset() {}
+
+  /// What its user should know about the draw options, a sentence each: Python warns of them when it is made.
+  virtual std::vector<std::string> warnings() const { return {}; }
 
   /// Bytes of GPU memory held by this session.
   virtual int64_t resident_bytes() const = 0;

@@ -7,9 +7,10 @@ namespace lodlab {
 const Method& full_method();
 const Method& chunked_method();
 const Method& multigrain_method();
+const Method& seamless_method();
 
 std::vector<const Method*> built_in_methods() {
-  return {&full_method(), &chunked_method(), &multigrain_method()};
+  return {&full_method(), &chunked_method(), &multigrain_method(), &seamless_method()};
 }
 
 }  // namespace lodlab

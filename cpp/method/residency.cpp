@@ -2,9 +2,14 @@
 #include "method/residency.h"
 
 #include <algorithm>
-#include <tuple>
 
 namespace lodlab {
+namespace {
+
+/// Makes the least the top of a heap.
+constexpr auto kLater = [](const auto& a, const auto& b) { return b < a; };
+
+}  // namespace
 
 Residency::Residency(const std::shared_ptr<const Store>& store, Setup setup)
     : Residency(std::shared_ptr<Loader>(
@@ -74,20 +79,37 @@ void Residency::release(uint32_t unit) {
   free_[offset] = bytes;
 }
 
-/// Drops the least recently used unit, of those used in this frame the one of least worth, the highest number
-/// first among equals: children go before their parent, which was used whenever they were. Roots are locked.
+/// Within a frame ranks only rise, so what the heap has on top goes first if its rank is still the same.
+std::optional<uint32_t> Residency::first_to_go() {
+  if (going_frame_ != frame_) {
+    going_.clear();
+    for (const uint32_t unit : loaded_) going_.push_back(rank(unit));
+    std::make_heap(going_.begin(), going_.end(), kLater);
+    going_frame_ = frame_;
+  }
+  while (!going_.empty()) {
+    const uint32_t unit = going_.front().unit;
+    const Rank now = rank(unit);
+    if (!(going_.front() < now)) return unit;
+    std::pop_heap(going_.begin(), going_.end(), kLater);
+    going_.back() = now;
+    std::push_heap(going_.begin(), going_.end(), kLater);
+  }
+  return std::nullopt;
+}
+
+/// Roots are locked.
 bool Residency::drop_one(double worth, std::vector<uint32_t>& dropped) {
-  const auto rank = [&](uint32_t unit) {
-    const Place& place = place_[unit];
-    return std::tuple(place.used, place.used == frame_ ? place.worth : 0.0, ~unit);
-  };
-  const auto victim = std::min_element(loaded_.begin(), loaded_.end(),
-                                       [&](uint32_t a, uint32_t b) { return rank(a) < rank(b); });
-  if (victim == loaded_.end()) return false;
-  if (place_[*victim].used == frame_ && !(place_[*victim].worth < 0.5 * worth)) return false;
+  const std::optional<uint32_t> victim = first_to_go();
+  if (!victim) return false;
+  const Place& place = place_[*victim];
+  if (place.used == frame_ && !(place.worth < 0.5 * worth)) return false;
+  std::pop_heap(going_.begin(), going_.end(), kLater);
+  going_.pop_back();
   dropped.push_back(*victim);
   release(*victim);
-  *victim = loaded_.back();
+  loaded_[place.loaded] = loaded_.back();
+  place_[loaded_.back()].loaded = place.loaded;
   loaded_.pop_back();
   return true;
 }
@@ -108,7 +130,13 @@ std::optional<Residency::Upload> Residency::admit(uint32_t id, bool wait, std::v
   touch(id, worth);
   ++admitted_;
   beside_used_ += unit.beside;
-  if (id >= setup_.roots) loaded_.push_back(id);
+  if (id < setup_.roots) return upload;
+  place_[id].loaded = static_cast<uint32_t>(loaded_.size());
+  loaded_.push_back(id);
+  if (going_frame_ == frame_) {
+    going_.push_back(rank(id));
+    std::push_heap(going_.begin(), going_.end(), kLater);
+  }
   return upload;
 }
 

@@ -15,6 +15,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "store/page_cache.h"
@@ -103,8 +104,24 @@ class Residency {
   struct Place {
     int64_t offset = -1;
     uint64_t used = 0;
-    double worth = 0.0;  ///< in that frame
+    double worth = 0.0;   ///< in that frame
+    uint32_t loaded = 0;  ///< its index there
   };
+  /// What goes first: the least recently used; of those used in this frame the one of least worth; among
+  /// equals the highest number: children go before their parent, which was used whenever they were.
+  struct Rank {
+    uint64_t used;
+    double worth;
+    uint32_t unit;
+    bool operator<(const Rank& other) const {
+      return std::tuple(used, worth, other.unit) < std::tuple(other.used, other.worth, unit);
+    }
+  };
+  Rank rank(uint32_t unit) const {
+    const Place& place = place_[unit];
+    return {place.used, place.used == frame_ ? place.worth : 0.0, unit};
+  }
+  std::optional<uint32_t> first_to_go();
   int64_t allocate(int64_t bytes);
   void release(uint32_t unit);
   bool drop_one(double worth, std::vector<uint32_t>& dropped);
@@ -115,7 +132,9 @@ class Residency {
   int64_t beside_used_ = 0, admitted_ = 0;
   uint64_t frame_ = 1;
   std::vector<Place> place_;
-  std::vector<uint32_t> loaded_;     // resident units that are not roots, any order
+  std::vector<uint32_t> loaded_;  // resident units that are not roots, any order
+  std::vector<Rank> going_;       // the same as a heap, once a frame needs it: ranks as they were, or lower
+  uint64_t going_frame_ = 0;      // which frame's
   std::map<int64_t, int64_t> free_;  // offset -> bytes
   std::vector<Want> wanted_;
 };

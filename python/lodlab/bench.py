@@ -9,8 +9,8 @@ options, seed}``; ``ratio`` is always "larger is better" and carries the ends of
 Times are taken inside the core, so that no interpreter stands between the two clocks. Nothing is measured on
 fewer than five repeats, and medians are compared, never means.
 
-The benchmarks of `multigrain` stand in bench_multigrain.py, what all share in bench_lab.py; `full` and `chunked` are
-here. Longer than other files: a function a benchmark, and nothing that two of them do not share.
+The benchmarks of `multigrain` stand in bench_multigrain.py, what all share in bench_lab.py; the others are here.
+Longer than other files: a function a benchmark, and nothing that two of them do not share.
 """
 
 from __future__ import annotations
@@ -53,19 +53,24 @@ from .metrics import METRICS, measure
 
 TERRAINS = (("jacksboro", "jacksboro"), (f"fractal:size=2049,seed={SEED}", "fractal-2049"))
 DRAW_OPTIONS = {"stream": False}
+DRAWN = (
+    *(("chunked", *terrain) for terrain in TERRAINS),
+    ("seamless", "jacksboro", "jacksboro"),
+    ("seamless", f"fractal:size=4097,seed={SEED}", "fractal-4097"),
+)
 
 
 def _draw(lab: Lab) -> Iterable[Record]:
     """Triangles per second of a 1 px cut, beside one static buffer that holds the very same triangles."""
-    for spec, name in TERRAINS:
-        store = lab.store(spec, "chunked")
+    for method, spec, name in DRAWN:
+        store = lab.store(spec, method)
         session = store.session(DRAW_OPTIONS)
         view = lab.views(spec, 9)[4]
         cut = session.select(view, _core.Budget(pixel_error=1.0))
         reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
         for discard in (False, True):
-            lab.say(f"draw chunked/{name}{'/discard' if discard else ''}")
-            case = f"chunked/{name}" + ("/discard" if discard else "")
+            case = f"{method}/{name}" + ("/discard" if discard else "")
+            lab.say(f"draw {case}")
             drawn = draw_case(case, session, cut, view, reference, discard)
             yield drawn | {"options": options_of(store, DRAW_OPTIONS)}
 

@@ -172,10 +172,11 @@ def audit(store: Store, *, cuts: int = 0, seed: int = 0, progress: bool = True, 
         worst: dict[bytes, tuple] = {}  # by cut: an equal one is not measured again
         order = []
         for _ in range(cuts):
-            ids, resolutions = random_cut(store.nodes, random, math.sqrt(random.random()))
-            order.append(hashlib.blake2b(ids.tobytes() + resolutions.tobytes()).digest())
+            cut = any_cut(auditor.session, store.nodes, random)
+            drawn = cut.nodes
+            order.append(hashlib.blake2b(drawn["node"].tobytes() + drawn["resolution"].tobytes()).digest())
             if order[-1] not in worst:
-                worst[order[-1]] = auditor.worst(auditor.session.cut(ids, resolutions))
+                worst[order[-1]] = auditor.worst(cut)
             bar.update()
     return _assemble(auditor, rows, [worst[cut] for cut in order])
 
@@ -260,6 +261,13 @@ class _Auditor:
 def _keys(nodes: np.ndarray, resolutions: np.ndarray) -> np.ndarray:
     """(N,) int64, one number for each node and resolution."""
     return nodes.astype(np.int64) << 16 | resolutions.astype(np.int64)
+
+
+def any_cut(session: Any, nodes: np.ndarray, random: np.random.Generator) -> Any:
+    """A random valid cut of a core session: the method's own where its cuts obey rules, else of any nodes at any
+    resolutions. `nodes`: as `store.nodes`."""
+    own = session.random_cut(int(random.integers(2**63)))
+    return own if own is not None else session.cut(*random_cut(nodes, random, math.sqrt(random.random())))
 
 
 def random_cut(nodes: np.ndarray, random: np.random.Generator, split: float) -> tuple[np.ndarray, np.ndarray]:

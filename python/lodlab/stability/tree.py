@@ -7,6 +7,7 @@ taken at its coarsest, at the spots that are to be fine at its finest.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -81,7 +82,8 @@ class Tree:
             ]
 
     def cut(self, session: Session, goals: Sequence[Goal]) -> Cut:
-        """The cut of these goals; where the method's rules refuse it, the nearest one with neighbours 4, 2, 1 apart.
+        """The cut of these goals; where the method's rules refuse it, the nearest one with neighbours 4, 2, 1 apart,
+        each also at the resolutions that the method gives its nodes.
 
         InvalidInput when the method refuses all of them.
         """
@@ -89,8 +91,10 @@ class Tree:
         for apart in (None, 4, 2, 1):
             rows = wanted if apart is None else self.balance(wanted, apart)
             spots = [any(self.holds(n, p) and self.level[n] >= d for p, d in goals) for n in rows]
-            try:
+            with contextlib.suppress(InvalidInput):
                 return self._cut(session, rows, np.where(spots, self.fine[rows], self.coarse[rows]))
+            try:
+                return session.cut(self.ids[rows], None)
             except InvalidInput:
                 if apart == 1:
                     raise

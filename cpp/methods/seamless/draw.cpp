@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+// Drawing: a frame is one multi-draw-indirect over its visible patches. Index ranges are shared (ranges.h);
+// per-patch data are instanced attributes, found by base instance. Heights lie in one buffer of equal slots,
+// which is the vertex buffer.
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "base/errors.h"
+#include "gl/buffer.h"
+#include "gl/context.h"
+#include "gl/error.h"
+#include "gl/vertex_array.h"
+#include "methods/seamless/paging.h"
+#include "methods/seamless/ranges.h"
+#include "methods/seamless/session.h"
+#include "render/field_resources.h"
+
+namespace lodlab::seamless {
+namespace {
+
+/// Instanced attributes of one patch (patch.vert).
+struct Instance {
+  int32_t col, row;
+  int32_t first;        ///< height of its slot
+  uint32_t node, bits;  ///< level << 8 | log2 of the stride of its lattice
+};
+
+struct Command {  // DrawElementsIndirectCommand
+  uint32_t count, instances, first_index;
+  int32_t base_vertex;
+  uint32_t base_instance;
+};
+
+/// Makes room: never smaller, at least doubled.
+void reserve(gl::Buffer& buffer, size_t bytes) {
+  const auto needed = static_cast<int64_t>(bytes);
+  if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
+}
+
+std::vector<std::string> defines_of(const Hierarchy& hierarchy, bool parts) {
+  std::vector<std::string> out;
+  if (hierarchy.averaged()) out.push_back("LODLAB_AVERAGE");
+  if (parts) out.push_back("LODLAB_PARTS");
+  return out;
+}
+
+}  // namespace
+
+struct SeamlessSession::Gpu {
+  /// Patches that one use() draws.
+  struct Batch {
+    size_t first, count;
+    int64_t triangles;
+  };
+
+  Gpu(const Hierarchy& hierarchy, const PatchMesh& mesh, Paging& pages, bool parts)
+      : program({{"vertex", "seamless/patch.vert"}}, defines_of(hierarchy, parts)),
+        field(render::make_field_resources(hierarchy.frame, hierarchy.coverage())),
+        paging(pages),
+        ranges(mesh, pages.slots()),
+        heights(pages.capacity()) {
+    arrays.floats(0, 0, 1, GL_FLOAT, 0);
+    arrays.integers(1, 1, 3, GL_INT, 0);
+    arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 12);
+    glVertexArrayBindingDivisor(arrays.id(), 1, 1);
+    gl::check("glVertexArrayBindingDivisor");
+    arrays.source(0, heights, 0, sizeof(float));
+  }
+
+  void add(const Layout& layout, const CutNode& picked, render::Pass& pass);
+  void upload(render::Submitted& submitted);
+  bool bring(int64_t patch, std::optional<double> worth, render::Submitted& submitted);
+  void submit(const Layout& layout, render::Pass& pass);
+  void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
+
+  render::SurfaceProgram program;
+  std::shared_ptr<const render::FieldResources> field;
+  Paging& paging;
+  Ranges ranges;
+  gl::Buffer heights, indices{0}, instances{0}, commands{0};
+  gl::VertexArray arrays;
+  std::vector<Instance> instance_data;
+  std::vector<Command> command_data;
+  std::vector<Batch> batches;
+};
+
+void SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, render::Pass& pass) {
+  const Patch p = layout.at(picked.node);
+  const Resolutions k = unpack(static_cast<int>(picked.resolution), layout.resolutions);
+  const Ranges::Range range = ranges.range(k, layout.clip_x(p), layout.clip_y(p));
+  const int64_t triangles = range.indices / 3;
+  if (batches.empty() || batches.back().triangles + triangles > pass.batch_triangles())
+    batches.push_back({command_data.size(), 0, 0});
+  ++batches.back().count;
+  batches.back().triangles += triangles;
+  const auto first = static_cast<int32_t>(paging.offset(picked.node) / static_cast<int64_t>(sizeof(float)));
+  command_data.push_back(
+      {range.indices, 1, range.first_index, first, static_cast<uint32_t>(instance_data.size())});
+  instance_data.push_back({static_cast<int32_t>(layout.col(p)), static_cast<int32_t>(layout.row(p)), first,
+                           picked.node, static_cast<uint32_t>(p.level << 8 | layout.stride_log2(p.level))});
+  ++pass.submitted.nodes;
+  pass.submitted.triangles += triangles;
+  pass.submitted.vertices += range.vertices;
+}
+
+/// Brings what changed to the GPU. Index ranges that a frame adds stay.
+void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
+  const auto send = [&](gl::Buffer& buffer, std::span<const std::byte> bytes) {
+    reserve(buffer, bytes.size());
+    buffer.upload(0, bytes);
+    submitted.upload_bytes += static_cast<int64_t>(bytes.size());
+  };
+  send(instances, as_bytes(instance_data));
+  send(commands, as_bytes(command_data));
+  if (static_cast<int64_t>(as_bytes(ranges.indices()).size()) > indices.bytes()) {
+    indices = gl::Buffer(ranges.indices());
+    submitted.upload_bytes += indices.bytes();
+    arrays.indices(indices);
+  }
+  arrays.source(1, instances, 0, sizeof(Instance));
+}
+
+void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
+  const unsigned name = pass.use(program, *field, false);
+  glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
+              static_cast<GLint>(layout.last_row()));
+  glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
+  arrays.bind();
+  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
+  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_SHORT,
+                              reinterpret_cast<const void*>(batch.first * sizeof(Command)),
+                              static_cast<GLsizei>(batch.count), 0);
+  gl::check("glMultiDrawElementsIndirect");
+  ++pass.submitted.draw_calls;
+}
+
+/// Brings a patch to the GPU, when streaming its parents before it, and uses them. With a worth it comes from
+/// main memory only, and may drive out what is worth less. False: it is not there, or this frame uses all the
+/// memory that there is.
+bool SeamlessSession::Gpu::bring(int64_t patch, std::optional<double> worth, render::Submitted& submitted) {
+  paging.touch(patch, worth.value_or(0.0));
+  if (paging.offset(patch) >= 0) return true;
+  if (paging.streams() && patch > 0 && !bring(paging.parent(patch), worth, submitted)) return false;
+  const auto upload = paging.admit(patch, !worth, worth.value_or(0.0));
+  if (!upload) return false;
+  heights.upload(upload->offset, *upload->page);
+  submitted.upload_bytes += static_cast<int64_t>(upload->page->size());
+  return true;
+}
+
+/// Draws what was added, and forgets it.
+void SeamlessSession::Gpu::submit(const Layout& layout, render::Pass& pass) {
+  if (!command_data.empty()) {
+    upload(pass.submitted);
+    for (const Batch& batch : batches) draw(layout, batch, pass);
+  }
+  instance_data.clear();
+  command_data.clear();
+  batches.clear();
+}
+
+/// A cut that needs more patches than memory holds is drawn in rounds, in which they take turns. Selection
+/// never leads to one while streaming, but a cut of another session may.
+void SeamlessSession::draw(const Cut& cut, render::Pass& pass) {
+  gl::ensure_context();
+  const Layout& layout = hierarchy_->layout;
+  if (!gpu_) gpu_ = std::make_shared<Gpu>(*hierarchy_, mesh_, *paging_, parts_);
+  Gpu& gpu = *gpu_;
+  if (paging_->streams()) gpu.bring(0, std::nullopt, pass.submitted);
+  // The last levels first: they are nearest and hide what comes after.
+  for (auto picked = cut.nodes.rbegin(); picked != cut.nodes.rend(); ++picked) {
+    if (!picked->visible && !pass.everything()) continue;
+    if (!gpu.bring(picked->node, std::nullopt, pass.submitted)) {
+      gpu.submit(layout, pass);
+      paging_->next_frame();
+      if (!gpu.bring(picked->node, std::nullopt, pass.submitted))
+        throw Unsupported("seamless: gpu_cache_mb cannot hold a single patch of this cut");
+    }
+    gpu.add(layout, *picked, pass);
+  }
+  gpu.submit(layout, pass);
+  if (paging_->streams()) admit_wanted(pass.submitted);
+}
+
+/// What arrived meanwhile becomes resident for the next frame.
+void SeamlessSession::admit_wanted(render::Submitted& submitted) {
+  const int64_t before = submitted.upload_bytes, each = paging_->slots().bytes();
+  for (const Residency::Want& want : paging_->wanted()) {
+    if (submitted.upload_bytes - before + each > paging_->upload_bytes()) break;
+    if (paging_->resident(want.unit) || !paging_->resident(paging_->parent(want.unit))) continue;
+    gpu_->bring(want.unit, want.priority, submitted);
+  }
+}
+
+void SeamlessSession::settle() { paging_->settle(); }
+
+int64_t SeamlessSession::resident_bytes() const {
+  if (!gpu_) return 0;
+  const Gpu& gpu = *gpu_;
+  int64_t sum = gpu.field->bytes();
+  for (const gl::Buffer* b : {&gpu.heights, &gpu.indices, &gpu.instances, &gpu.commands}) sum += b->bytes();
+  return sum;
+}
+
+}  // namespace lodlab::seamless

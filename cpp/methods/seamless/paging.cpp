@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: MIT
+#include "methods/seamless/paging.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/errors.h"
+#include "method/paging_options.h"
+#include "method/sample_code.h"
+#include "methods/seamless/ranges.h"
+#include "methods/seamless/seamless.h"
+
+namespace lodlab::seamless {
+namespace {
+
+constexpr double kWindowWorth = 0.25;
+constexpr size_t kMostWanted = 4096;   // patches that the loader is asked for at once
+constexpr int64_t kPerPatch = 2 * 40;  // bytes of instance and command; buffers may double
+
+int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2(); }
+
+/// The most that index ranges can take on the GPU, and what the field does.
+int64_t bytes_beside_heights(const Hierarchy& hierarchy, const PatchMesh& mesh) {
+  const FieldFrame& frame = hierarchy.frame;
+  const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
+  return Ranges::most_bytes(mesh, hierarchy.layout) + (hierarchy.coverage().empty() ? 0 : mask);
+}
+
+Residency::Setup setup_of(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
+                          const Slots& slots, const Options& options) {
+  const Layout& layout = hierarchy->layout;
+  const PagingOptions caches = paging_of(options);
+  const int64_t patches = layout.patches();
+  if (patches > UINT32_MAX)
+    throw Unsupported("seamless: " + std::to_string(patches) + " patches are more than can be paged");
+  Residency::Setup setup;
+  setup.units.reserve(static_cast<size_t>(patches));
+  for (int64_t id = 0; id < patches; ++id) setup.units.push_back({id, slots.bytes()});
+  setup.roots = 1;
+  setup.kind = kHeights;
+  setup.stream = caches.stream;
+  setup.cpu_bytes = caches.cpu_bytes;
+  setup.fetch_delay = caches.fetch_delay;
+  setup.decode = [slots, floats = page_samples(layout, hierarchy->averaged())](int, int64_t, Bytes stored) {
+    std::vector<float> heights(static_cast<size_t>(floats));
+    decode_samples(stored, heights.data(), floats);
+    return slots.arrange(heights);
+  };
+  const auto refuse = [](const std::string& what, const char* option, int64_t least, int64_t given) {
+    throw InvalidInput("seamless: " + what + " need " + option + " of at least " +
+                       std::to_string((least + (1 << 20) - 1) >> 20) + ", not " +
+                       std::to_string(given >> 20));
+  };
+  const int64_t beside = bytes_beside_heights(*hierarchy, mesh), each = slots.bytes() + kPerPatch;
+  const int64_t family = branch(layout) * branch(layout), below = (layout.levels - 1) * family;
+  const int64_t least = beside + (1 + below) * each;
+  if (least > caches.gpu_bytes)
+    refuse("the coarsest patch, a family on each level below it, and the meshes", "gpu_cache_mb", least,
+           caches.gpu_bytes);
+  if (slots.bytes() > caches.cpu_bytes)
+    refuse("the coarsest heights", "cpu_cache_mb", slots.bytes(), caches.cpu_bytes);
+  if (slots.bytes() > options.integer("upload_bytes")) {
+    throw InvalidInput("seamless: upload_bytes=" + std::to_string(options.integer("upload_bytes")) +
+                       " cannot move a patch of " + std::to_string(slots.bytes()) + " bytes");
+  }
+  const int64_t addressed = int64_t{INT32_MAX} / slots.floats();  // vertices have 31-bit numbers
+  setup.capacity = std::min({patches, (caches.gpu_bytes - beside) / each, addressed}) * slots.bytes();
+  return setup;
+}
+
+/// The width at which the windows of all levels fit into so many slots.
+int64_t widest_window(const Layout& layout, int64_t slots) {
+  const auto fits = [&](int64_t width) {
+    int64_t sum = 1;
+    for (int l = 1; l < layout.levels; ++l)
+      sum += std::min(width, layout.across(l)) * std::min(width, layout.down(l));
+    return sum <= slots;
+  };
+  const int last = layout.levels - 1;
+  const int64_t step = branch(layout), whole = std::max(layout.across(last), layout.down(last));
+  int64_t width = step;
+  while (width < whole && fits(width + step)) width += step;
+  return width;
+}
+
+/// The first of `width` patches about a place, of `count`: of a family.
+int64_t first_of(double place, int64_t width, int64_t count, int64_t step) {
+  const double families = std::round((place - 0.5 * static_cast<double>(width)) / static_cast<double>(step));
+  const int64_t most = std::max<int64_t>((count - width + step - 1) / step, 0);
+  return static_cast<int64_t>(std::clamp(families, 0.0, static_cast<double>(most))) * step;
+}
+
+}  // namespace
+
+Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
+               const Options& options)
+    : Paging(hierarchy, Slots(hierarchy->layout, hierarchy->averaged()),
+             setup_of(hierarchy, mesh, Slots(hierarchy->layout, hierarchy->averaged()), options),
+             options.integer("upload_bytes")) {}
+
+Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
+               int64_t upload_bytes)
+    : hierarchy_(hierarchy),
+      slots_(slots),
+      window_(widest_window(hierarchy->layout, setup.capacity / slots.bytes())),
+      upload_bytes_(upload_bytes),
+      residency_(hierarchy->store, std::move(setup)) {}
+
+int64_t Paging::parent(int64_t patch) const {
+  const Layout& layout = hierarchy_->layout;
+  return layout.id(layout.parent(layout.at(patch)));
+}
+
+void Paging::touch(int64_t patch, double worth) {
+  for (; patch > 0 && !residency_.touched(static_cast<uint32_t>(patch), worth); patch = parent(patch))
+    residency_.touch(static_cast<uint32_t>(patch), worth);
+}
+
+void Paging::need(int64_t patch, double priority) {
+  if (resident(patch)) {
+    touch(patch, priority);
+  } else {
+    wants_.push_back({static_cast<uint32_t>(patch), priority});
+  }
+}
+
+void Paging::follow(const glm::dvec3& eye, int level) {
+  if (!streams()) return;
+  const Layout& layout = hierarchy_->layout;
+  const FieldFrame& frame = hierarchy_->frame;
+  struct Place {
+    double row, col;  // of the eye, in patches
+  };
+  const auto place = [&](int l) {
+    const double side = std::ldexp(1.0, layout.side_log2(l));
+    return Place{(frame.y0 - eye.y) / (frame.dy * side), (eye.x - frame.x0) / (frame.dx * side)};
+  };
+  std::vector<Origin> origins;
+  for (int l = 1; l <= std::min(level, layout.levels - 1); ++l) {
+    origins.push_back({first_of(place(l).row, window_, layout.down(l), branch(layout)),
+                       first_of(place(l).col, window_, layout.across(l), branch(layout))});
+  }
+  if (origins == complete_) return;
+  bool all = true;
+  for (size_t i = 0; i < origins.size(); ++i) {
+    const auto l = static_cast<int>(i) + 1;
+    all &= look_round(l, origins[i], place(l).row, place(l).col);
+  }
+  complete_.clear();
+  if (all) complete_ = std::move(origins);
+}
+
+/// Needs what is in a level's window, the nearest most; whether all of it is there.
+bool Paging::look_round(int level, const Origin& origin, double row, double col) {
+  const Layout& layout = hierarchy_->layout;
+  const int64_t last_y = std::min(origin.y + window_, layout.down(level));
+  const int64_t last_x = std::min(origin.x + window_, layout.across(level));
+  bool all = true;
+  for (int64_t y = origin.y; y < last_y; ++y) {
+    for (int64_t x = origin.x; x < last_x; ++x) {
+      const int64_t id = layout.id({level, y, x});
+      const double away = std::max(std::abs(static_cast<double>(y) + 0.5 - row),
+                                   std::abs(static_cast<double>(x) + 0.5 - col));
+      need(id, kWindowWorth / (1.0 + away));
+      all &= resident(id);
+    }
+  }
+  return all;
+}
+
+void Paging::ask() {
+  std::sort(wants_.begin(), wants_.end(), [](const Residency::Want& a, const Residency::Want& b) {
+    return a.unit != b.unit ? a.unit < b.unit : a.priority > b.priority;
+  });
+  const auto same = [](const Residency::Want& a, const Residency::Want& b) { return a.unit == b.unit; };
+  wants_.erase(std::unique(wants_.begin(), wants_.end(), same), wants_.end());
+  if (wants_.size() > kMostWanted) {
+    std::nth_element(wants_.begin(), wants_.begin() + kMostWanted, wants_.end(),
+                     [](const Residency::Want& a, const Residency::Want& b) {
+                       return a.priority != b.priority ? a.priority > b.priority : a.unit < b.unit;
+                     });
+    wants_.resize(kMostWanted);
+    std::sort(wants_.begin(), wants_.end(),
+              [](const Residency::Want& a, const Residency::Want& b) { return a.unit < b.unit; });
+  }
+  residency_.want(std::move(wants_));
+  wants_.clear();
+}
+
+std::optional<Residency::Upload> Paging::admit(int64_t patch, bool wait, double worth) {
+  auto upload = residency_.admit(static_cast<uint32_t>(patch), wait, dropped_, worth);
+  if (!dropped_.empty()) complete_.clear();
+  dropped_.clear();
+  return upload;
+}
+
+}  // namespace lodlab::seamless

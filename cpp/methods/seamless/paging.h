@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+// What of a store's heights is where. The unit is a patch; the root is locked, and the parents of a resident
+// patch are resident, so that one can stand in for what is missing.
+//
+// Beside what a cut asks for, each level has a window of patches round the eye, of equal width in patches and
+// as wide as memory allows. When the eye moves, what enters a window is an L of patches, and it takes the
+// slots of those that left it. Windows are whole families of children: a patch can split only when all of
+// them are there.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "base/options.h"
+#include "method/residency.h"
+#include "methods/seamless/hierarchy.h"
+#include "methods/seamless/slots.h"
+
+namespace lodlab::seamless {
+
+class Paging {
+ public:
+  /// With the draw options stream, cpu_cache_mb, gpu_cache_mb, fetch_delay_ms and upload_bytes. InvalidInput
+  /// when a cache cannot hold the root and, on the GPU, a family of patches on each level below it, or a
+  /// frame cannot upload a patch.
+  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh, const Options& options);
+
+  bool streams() const { return residency_.streams(); }
+  /// Begins a frame: what the last one used may be dropped.
+  void next_frame() { residency_.next_frame(); }
+  bool resident(int64_t patch) const { return residency_.resident(static_cast<uint32_t>(patch)); }
+  /// Marks a patch and its parents as used in this frame. Patches of more than twice the worth may take their
+  /// places; in windows it is a quarter at most, so what a cut draws or lacks is worth 1 or more.
+  void touch(int64_t patch, double worth);
+  /// Touches a patch, or puts it into this frame's list of what the loader is asked for. Its parent is there,
+  /// or needed too.
+  void need(int64_t patch, double priority);
+  /// Windows of the levels down to this one go where the eye is.
+  void follow(const glm::dvec3& eye, int level);
+  /// Hands the list over.
+  void ask();
+  /// Blocks until what was asked for is in main memory.
+  void settle() { residency_.settle(); }
+
+  // For drawing.
+  const Slots& slots() const { return slots_; }
+  /// That a frame may bring to the GPU beside what it draws.
+  int64_t upload_bytes() const { return upload_bytes_; }
+  int64_t capacity() const { return residency_.capacity(); }
+  /// Where a patch's slot is in the buffer, bytes; -1: not there.
+  int64_t offset(int64_t patch) const { return residency_.offset(static_cast<uint32_t>(patch)); }
+  /// What is asked for, most important first.
+  const std::vector<Residency::Want>& wanted() const { return residency_.wanted(); }
+  int64_t parent(int64_t patch) const;
+  /// Makes a patch resident (Residency::admit).
+  std::optional<Residency::Upload> admit(int64_t patch, bool wait, double worth);
+
+  /// Patches across a window.
+  int64_t window() const { return window_; }
+
+ private:
+  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
+         int64_t upload_bytes);
+  struct Origin {
+    int64_t y, x;
+    bool operator==(const Origin&) const = default;
+  };
+  bool look_round(int level, const Origin& origin, double row, double col);
+
+  std::shared_ptr<const Hierarchy> hierarchy_;
+  Slots slots_;
+  int64_t window_, upload_bytes_;
+  Residency residency_;
+  std::vector<Residency::Want> wants_;
+  std::vector<uint32_t> dropped_;
+  std::vector<Origin> complete_;  ///< where each level's window was when all of it was there; empty: nowhere
+};
+
+}  // namespace lodlab::seamless

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// Selection: the least precision that the budget asks for, then the cut at that precision. Each patch decides
+// by its own four edges (section 3, Level of Detail); METHOD.md has the metric and the proof.
+#include <algorithm>
+
+#include "methods/seamless/paging.h"
+#include "methods/seamless/selector.h"
+#include "methods/seamless/session.h"
+
+namespace lodlab::seamless {
+
+/// The precision that the budget asks for; a given rho is taken as it is, but for hard budgets.
+double SeamlessSession::fineness(Selector& selector, const Budget& budget) const {
+  const double asked =
+      metric_.rho > 0.0 ? metric_.rho : selector.fineness_for(budget.pixel_error.value_or(0.0));
+  return budget.triangles || budget.nodes ? within(selector, budget, asked) : asked;
+}
+
+double SeamlessSession::within(Selector& selector, const Budget& budget, double most) const {
+  constexpr int64_t kNone = std::numeric_limits<int64_t>::max();
+  return selector.fineness_within(budget.triangles.value_or(kNone), budget.nodes.value_or(kNone), most);
+}
+
+Cut SeamlessSession::select(const View& view, const Budget& budget) {
+  const Camera camera = make_camera(view);
+  const Projector projector(projection_, camera);
+  Selector selector(*hierarchy_, mesh_, metric_, projector, &camera);
+  const double asked = fineness(selector, budget);
+  if (paging_->streams()) ask_for(selector, asked, camera.eye);
+  const double drawn = paging_->streams() ? stand_in(selector, budget, asked) : asked;
+  Cut cut;
+  cut.view = view;
+  cut.options = options_json_;
+  cut.promises_bound = promises_bound();
+  collect(selector, Precision::of(drawn), cut);
+  if (paging_->streams()) {
+    for (const CutNode& picked : cut.nodes) {
+      if (picked.visible) paging_->touch(picked.node, 2.0);
+    }
+  }
+  cut.adapt_steps = selector.traversed;
+  cut.tau = budget.pixel_error.value_or(cut.predicted_px);
+  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
+                   (!budget.triangles || cut.triangles <= *budget.triangles) &&
+                   (!budget.nodes || cut.visible_nodes <= *budget.nodes);
+  return cut;
+}
+
+/// Streaming: what a visible patch draws must be there. Where it is not, its parent stands in: it is kept
+/// from splitting, and so is what the claim ties to it. Each round blocks a patch above a missing one, so
+/// this ends at the root, which is always there. Hard budgets are found again, as coarser patches leave some
+/// of them.
+double SeamlessSession::stand_in(Selector& selector, const Budget& budget, double asked) {
+  constexpr size_t kMostBlocks = 64;  // each costs all edges a look; beyond them everything becomes coarser
+  double fineness = asked;
+  while (true) {
+    const Precision precision = Precision::of(fineness);
+    parents_.clear();
+    selector.traverse(precision, Selector::Scope::kVisible, [&](const Selector::Active& a) {
+      const int64_t id = hierarchy_->id(a.patch);
+      if (!paging_->resident(id)) parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
+      return true;
+    });
+    if (parents_.empty()) return fineness;
+    std::sort(parents_.begin(), parents_.end());
+    parents_.erase(std::unique(parents_.begin(), parents_.end()), parents_.end());
+    if (selector.blocks() + parents_.size() > kMostBlocks) {
+      selector.unblock();
+      fineness = selector.coarser(fineness);
+      continue;
+    }
+    for (const int64_t id : parents_) selector.block(hierarchy_->layout.at(id), precision);
+    if (budget.triangles || budget.nodes) fineness = within(selector, budget, asked);
+  }
+}
+
+/// What the frame should draw is kept, whatever stands in for some of it; what of that is missing comes
+/// first, from the top down, then what lies outside the frustum, then the windows round the eye.
+void SeamlessSession::ask_for(Selector& selector, double asked, const glm::dvec3& eye) {
+  paging_->next_frame();
+  int finest = 0;
+  selector.traverse(Precision::of(asked), Selector::Scope::kWhole, [&](const Selector::Active& a) {
+    finest = std::max(finest, a.patch.level);
+    const double priority = a.visible ? 2.0 : 0.5;
+    int64_t id = hierarchy_->id(a.patch);
+    for (; !paging_->resident(id); id = paging_->parent(id)) paging_->need(id, priority);
+    paging_->touch(id, priority);
+    return true;
+  });
+  paging_->follow(eye, finest);
+  paging_->ask();
+}
+
+void SeamlessSession::collect(Selector& selector, const Precision& precision, Cut& cut) const {
+  const Layout& layout = hierarchy_->layout;
+  cut.nodes.reserve(256);
+  selector.traverse(precision, Selector::Scope::kWhole, [&](const Selector::Active& a) {
+    const Patch& p = a.patch;
+    const double error = selector.error(p, a.k);
+    const bool missing = a.visible && selector.blocked(p, precision);
+    cut.nodes.push_back({static_cast<uint32_t>(hierarchy_->id(p)),
+                         static_cast<uint32_t>(pack(a.k, layout.resolutions)), 1.0f, a.visible, missing,
+                         error});
+    if (!a.visible) return true;
+    cut.predicted_px = std::max(cut.predicted_px, selector.pixels(p, error));
+    cut.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));
+    ++cut.visible_nodes;
+    cut.missing_nodes += missing;
+    return true;
+  });
+}
+
+}  // namespace lodlab::seamless

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: MIT
+#include "methods/seamless/selector.h"
+
+#include <cmath>
+
+namespace lodlab::seamless {
+
+Selector::Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metric& metric,
+                   const Projector& projector, const Camera* camera)
+    : hierarchy_(hierarchy),
+      layout_(hierarchy.layout),
+      mesh_(mesh),
+      metric_(metric),
+      codes_(metric.roughness ? hierarchy.codes().data() : nullptr),
+      projector_(projector),
+      distances_(hierarchy.frame, projector.eye, metric.nearest),
+      all_planes_(camera != nullptr ? 0x1f : 0) {
+  if (camera == nullptr) return;
+  const FieldFrame& f = hierarchy.frame;
+  for (size_t i = 0; i < planes_.size(); ++i) {
+    glm::dvec3 n = camera->planes[i];
+    const double offset =
+        n.x * (f.x0 - projector.eye.x) + n.y * (f.y0 - projector.eye.y) - (i == 4 ? camera->near_plane : 0.0);
+    const double low = n.z * (f.z_min - projector.eye.z), high = n.z * (f.z_max - projector.eye.z);
+    planes_[i] = {n.x * f.dx, -n.y * f.dy, offset + std::min(low, high), offset + std::max(low, high)};
+  }
+}
+
+/// Inside all planes a patch's children are, too (section 4); outside one, nothing of it is drawn.
+uint8_t Selector::planes_cutting(const Patch& p, uint8_t planes) const {
+  if (planes == 0 || planes == kOutside) return planes;
+  const double x0 = static_cast<double>(layout_.col(p)), y0 = static_cast<double>(layout_.row(p));
+  const double x1 = static_cast<double>(layout_.sample_col(p, layout_.segments()));
+  const double y1 = static_cast<double>(layout_.sample_row(p, layout_.segments()));
+  uint8_t cut = 0;
+  for (size_t i = 0; i < planes_.size(); ++i) {
+    if ((planes >> i & 1) == 0) continue;
+    const Plane& plane = planes_[i];
+    const double ax = plane.x * x0, bx = plane.x * x1, ay = plane.y * y0, by = plane.y * y1;
+    if (std::max(ax, bx) + std::max(ay, by) + plane.far_z < 0.0) return kOutside;
+    if (std::min(ax, bx) + std::min(ay, by) + plane.near_z < 0.0) cut |= static_cast<uint8_t>(1u << i);
+  }
+  return cut;
+}
+
+double Selector::edge_error(const Patch& p, Edge e, int k) const {
+  if (metric_.roughness) return hierarchy_.bound(p, e, k);
+  return hierarchy_.typical[static_cast<size_t>(p.level * layout_.resolutions + k)];
+}
+
+double Selector::error(const Patch& p, const Resolutions& k) const {
+  if (metric_.roughness) return hierarchy_.bound(p, k);
+  double worst = 0.0;
+  for (const Edge e : {kNorth, kEast, kSouth, kWest})
+    worst = std::max(worst, edge_error(p, e, k[static_cast<size_t>(e)]));
+  return worst;
+}
+
+Projector::Place Selector::place(const Patch& p) const {
+  const FieldFrame& f = hierarchy_.frame;
+  const int m = layout_.segments();
+  const double lo[3]{f.x0 + static_cast<double>(layout_.col(p)) * f.dx,
+                     f.y0 - static_cast<double>(layout_.sample_row(p, m)) * f.dy, f.z_min};
+  const double hi[3]{f.x0 + static_cast<double>(layout_.sample_col(p, m)) * f.dx,
+                     f.y0 - static_cast<double>(layout_.row(p)) * f.dy, f.z_max};
+  return projector_.place(lo, hi);
+}
+
+double Selector::pixels(const Patch& p, double error) const { return projector_.project(error, place(p)); }
+
+void Selector::push_children(const Step& step, int64_t y) {
+  const Patch& p = step.patch;
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level) + 1];
+  if (y >= level.down) return;
+  const int branch = layout_.branch_log2();
+  const int64_t end = std::min((p.x + 1) << branch, level.across);
+  for (int64_t x = p.x << branch; x < end; ++x) {
+    const Patch child{p.level + 1, y, x};
+    here_.push_back({child, planes_cutting(child, step.planes)});
+  }
+}
+
+void Selector::push_children() {
+  const int64_t branch = int64_t{1} << layout_.branch_log2();
+  for (size_t first = 0, end; first < parted_.size(); first = end) {
+    const int64_t y = parted_[first].patch.y;
+    end = first;
+    while (end < parted_.size() && parted_[end].patch.y == y) ++end;
+    for (int64_t row = y * branch; row < (y + 1) * branch; ++row) {
+      for (size_t i = first; i < end; ++i) push_children(parted_[i], row);
+    }
+  }
+}
+
+void Selector::block(const Patch& p, const Precision& precision) {
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const Reach far = reach(p, precision.rho);
+  const double most = *std::max_element(far.begin(), far.end()) * (1.0 + 1e-9);
+  blocks_.push_back({(static_cast<double>(p.x) + 0.5) * level.width,
+                     (static_cast<double>(p.y) + 0.5) * level.height,
+                     most + 0.5 * std::hypot(level.width, level.height)});
+}
+
+bool Selector::blocked(const Patch& p, const Precision& precision) const {
+  return !blocks_.empty() && p.level + 1 < layout_.levels &&
+         splits(reach(p, precision.rho), distances_.of(layout_, p), precision);
+}
+
+/// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
+/// distances, this is the same from both sides, no less for a part of an edge, and differs by no more than l
+/// between a patch's edges.
+void Selector::push_away(const Patch& p, std::array<double, 4>& distance) const {
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const double west = static_cast<double>(p.x) * level.width,
+               east = static_cast<double>(p.x + 1) * level.width;
+  const double north = static_cast<double>(p.y) * level.height,
+               south = static_cast<double>(p.y + 1) * level.height;
+  for (const Block& b : blocks_) {
+    const auto from = [&](double x, double y) {
+      return std::sqrt((x - b.east) * (x - b.east) + (y - b.south) * (y - b.south));
+    };
+    const double nw = from(west, north), ne = from(east, north), se = from(east, south),
+                 sw = from(west, south);
+    distance[kNorth] = std::max(distance[kNorth], b.distance - std::max(nw, ne));
+    distance[kEast] = std::max(distance[kEast], b.distance - std::max(ne, se));
+    distance[kSouth] = std::max(distance[kSouth], b.distance - std::max(se, sw));
+    distance[kWest] = std::max(distance[kWest], b.distance - std::max(sw, nw));
+  }
+}
+
+double Selector::coarsest() const { return metric_.roughness ? -8.0 * hierarchy_.level.front().length : 0.0; }
+
+double Selector::coarser(double fineness) const {
+  const double span = hierarchy_.level.front().length, least = coarsest();
+  if (fineness * gain() > 1e-3) return 0.5 * fineness;
+  return std::max(least, std::min(2.0 * fineness, -1e-6 * span));
+}
+
+double Selector::needed(const Patch& p, double weight, double distance, double threshold) const {
+  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length;
+  constexpr double kBeyond = 1.0 + 1e-9;  // the least precision lies at equality; a hair above it
+  const double away = metric_.base() * length / (threshold * kBeyond) - distance;
+  if (away > 0.0) return -away;
+  if (!(weight > 0.0)) return std::numeric_limits<double>::infinity();
+  return std::max(0.0, (threshold * kBeyond * distance / length - metric_.base()) / weight * kBeyond);
+}
+
+std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>& weight,
+                                     const std::array<double, 4>& distance, const Precision& precision,
+                                     double tau) const {
+  const double allowed = projector_.inverse(tau, place(p));
+  const Reach far = reach(p, weight, precision.rho);
+  const int top = layout_.resolutions - 1;
+  Resolutions k;
+  for (size_t i = 0; i < 4; ++i) k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+  if (error(p, k) <= allowed) return std::nullopt;
+  double split = std::numeric_limits<double>::infinity();
+  if (p.level + 1 < layout_.levels) {
+    for (size_t i = 0; i < 4; ++i) split = std::min(split, needed(p, weight[i], distance[i], 1.0));
+  }
+  std::optional<double> most;
+  for (size_t i = 0; i < 4; ++i) {
+    if (edge_error(p, static_cast<Edge>(i), k[i]) <= allowed) continue;
+    double way = split;
+    if (k[i] < top) way = std::min(way, needed(p, weight[i], distance[i], std::ldexp(1.0, k[i] - top)));
+    if (std::isinf(way)) continue;
+    most = std::max(most.value_or(way), way);
+  }
+  return most;
+}
+
+/// Finer precision never undoes what held: bounds nest, and boxes of children lie inside their parents'. So
+/// one way down, raising the precision by what each patch asks for, ends at the least one for all.
+double Selector::fineness_for(double tau) {
+  double fineness = coarsest();
+  const Patch root{0, 0, 0};
+  here_.assign(1, {root, planes_cutting(root, all_planes_)});
+  while (!here_.empty()) {
+    parted_.clear();
+    for (const Step& step : here_) {
+      if (step.planes == kOutside) continue;
+      ++traversed;
+      if (parts_for(step.patch, tau, fineness)) parted_.push_back(step);
+    }
+    here_.clear();
+    push_children();
+  }
+  return fineness;
+}
+
+/// Raises the fineness to what a visible patch asks for; true when it then splits.
+bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
+  const std::array<double, 4> distance = distances(p), weight = weights(p);
+  for (;;) {
+    const Precision precision = Precision::of(fineness);
+    if (p.level + 1 < layout_.levels && splits(reach(p, weight, precision.rho), distance, precision))
+      return true;
+    const std::optional<double> more = asks(p, weight, distance, precision, tau);
+    if (!more || *more <= fineness) return false;
+    fineness = *more;
+  }
+}
+
+/// Bisection on a logarithmic scale from the coarsest cut to `most`, until 99 % of a budget are spent. Where
+/// children of a patch on the frustum's border are culled, finer may be fewer: then it is a cut that keeps
+/// the budgets, if not the finest.
+double Selector::fineness_within(int64_t triangles, int64_t nodes, double most) {
+  int64_t drawn = 0, count = 0;
+  const auto fits = [&](double fineness) {
+    drawn = count = 0;
+    traverse(Precision::of(fineness), Scope::kVisible, [&](const Active& a) {
+      ++count;
+      drawn += mesh_.triangles(a.k, layout_.clip_x(a.patch), layout_.clip_y(a.patch));
+      return drawn <= triangles && count <= nodes;
+    });
+    return drawn <= triangles && count <= nodes;
+  };
+  if (fits(most)) return most;
+  const double span = hierarchy_.level.front().length;
+  const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain()); };
+  const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain(); };
+  double low = scale(coarsest()), high = scale(most);
+  for (int i = 0; i < 40; ++i) {
+    const double middle = 0.5 * (low + high);
+    if (!fits(fineness(middle))) {
+      high = middle;
+      continue;
+    }
+    low = middle;
+    if (drawn >= triangles - triangles / 100 || count == nodes) break;
+  }
+  return low == scale(coarsest()) ? coarsest() : fineness(low);
+}
+
+}  // namespace lodlab::seamless

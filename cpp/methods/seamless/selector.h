@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: MIT
+// One view's way through the implicit hierarchy: what its patches are at a given precision, and the least
+// precision that a pixel error or a hard budget asks for. select.cpp makes cuts of it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "geometry/view.h"
+#include "method/projector.h"
+#include "methods/seamless/mesh.h"
+#include "methods/seamless/metric.h"
+
+namespace lodlab::seamless {
+
+class Selector {
+ public:
+  /// `camera`: null sees everything.
+  Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metric& metric,
+           const Projector& projector, const Camera* camera);
+
+  struct Active {
+    Patch patch;
+    Resolutions k;
+    bool visible;
+  };
+  enum class Scope { kWhole, kVisible };
+  /// Calls leaf(Active) for every patch of the cut at a precision, or every visible one, until it returns
+  /// false.
+  template <class Leaf>
+  void traverse(const Precision& precision, Scope scope, Leaf&& leaf);
+
+  /// The least fineness at which no visible patch projects to more than tau, but for what the last level
+  /// cannot better.
+  double fineness_for(double tau);
+  /// The greatest fineness, at most `most`, that keeps the hard budgets; the least there is where none does.
+  double fineness_within(int64_t triangles, int64_t nodes, double most);
+
+  /// Bound of a patch as drawn, source units, and as pixels. With `metric=distance` what is typical.
+  double error(const Patch& p, const Resolutions& k) const;
+  double pixels(const Patch& p, double error) const;
+  /// Everything at its coarsest: the root alone.
+  double coarsest() const;
+  /// Half as fine.
+  double coarser(double fineness) const;
+
+  /// Keeps a patch from splitting at this precision or a coarser one, for want of its children's heights:
+  /// what is missing counts as farther away. METHOD.md, Paging, says why all edges still agree.
+  void block(const Patch& p, const Precision& precision);
+  void unblock() { blocks_.clear(); }
+  size_t blocks() const { return blocks_.size(); }
+  /// Whether a patch would split if nothing were blocked.
+  bool blocked(const Patch& p, const Precision& precision) const;
+
+  int64_t traversed = 0;  ///< patches looked at, by all of the above
+
+ private:
+  /// A patch on the way down; bits of `planes` are planes of the frustum that may cut it.
+  struct Step {
+    Patch patch;
+    uint8_t planes;
+  };
+  static constexpr uint8_t kOutside = 0xff;
+
+  std::array<double, 4> distances(const Patch& p) const {
+    std::array<double, 4> out = distances_.of(layout_, p);
+    if (!blocks_.empty()) push_away(p, out);
+    return out;
+  }
+  void push_away(const Patch& p, std::array<double, 4>& distance) const;
+  uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
+  Reach reach(const Patch& p, double rho) const { return reach(p, weights(p), rho); }
+  Reach reach(const Patch& p, const std::array<double, 4>& weight, double rho) const;
+  bool parts_for(const Patch& p, double tau, double& fineness) const;
+  std::array<double, 4> weights(const Patch& p) const;
+  double edge_error(const Patch& p, Edge e, int k) const;
+  /// The fineness at which an edge's epsilon exceeds a threshold.
+  double needed(const Patch& p, double weight, double distance, double threshold) const;
+  /// What a visible patch at this precision asks for in order to be within tau; nothing when it is.
+  std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight,
+                             const std::array<double, 4>& distance, const Precision& precision,
+                             double tau) const;
+  /// To `here_`, those of `parted_`, a row of patches after the other.
+  void push_children();
+  void push_children(const Step& step, int64_t y);
+  Projector::Place place(const Patch& p) const;
+
+  /// What makes a fineness one of about 1.
+  double gain() const { return metric_.roughness ? std::max(hierarchy_.book().largest(), 1e-300) : 1024.0; }
+
+  const Hierarchy& hierarchy_;
+  const Layout& layout_;
+  const PatchMesh& mesh_;
+  Metric metric_;
+  const uint16_t* codes_;
+  Projector projector_;
+  Distances distances_;
+  /// Of the frustum's planes: normal, and the distance of the field's nearer and farther height range.
+  struct Plane {
+    double x, y, near_z, far_z;
+  };
+  std::array<Plane, 5> planes_;
+  uint8_t all_planes_;
+  std::vector<Step> here_, parted_;
+  /// A place that counts as so far away, other places as nearer by their distance from it. Source units, from
+  /// the field's first sample.
+  struct Block {
+    double east, south, distance;
+  };
+  std::vector<Block> blocks_;
+};
+
+inline std::array<double, 4> Selector::weights(const Patch& p) const {
+  if (codes_ == nullptr) return {1.0, 1.0, 1.0, 1.0};
+  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
+  const uint16_t* down =
+      codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
+  const CodeBook& book = hierarchy_.book();
+  return {book.weight(across[0]), book.weight(down[1]), book.weight(across[level.across]),
+          book.weight(down[0])};
+}
+
+inline Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
+  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
+  Reach out;
+  for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
+  return out;
+}
+
+/// Level by level, each row by row: leaves come in the order of their ids.
+template <class Leaf>
+void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
+  const Patch root{0, 0, 0};
+  here_.assign(1, {root, planes_cutting(root, all_planes_)});
+  while (!here_.empty()) {
+    parted_.clear();
+    for (const Step& step : here_) {
+      if (scope == Scope::kVisible && step.planes == kOutside) continue;
+      ++traversed;
+      const Patch& p = step.patch;
+      const std::array<double, 4> distance = distances(p);
+      const Reach far = reach(p, precision.rho);
+      if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
+        parted_.push_back(step);
+        continue;
+      }
+      Active active{p, {}, step.planes != kOutside};
+      for (size_t i = 0; i < 4; ++i)
+        active.k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+      if (!leaf(active)) return;
+    }
+    here_.clear();
+    push_children();
+  }
+}
+
+}  // namespace lodlab::seamless
