@@ -123,7 +123,7 @@ void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
 }
 
 void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
-  const unsigned name = pass.use(program, *field, false);
+  const unsigned name = pass.use(program, *field, {});
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
   glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
