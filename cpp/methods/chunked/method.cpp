@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "base/errors.h"
+#include "method/maps_option.h"
 #include "method/paging_options.h"
 #include "method/projector.h"
 #include "methods/chunked/chunked.h"
@@ -41,7 +42,7 @@ std::vector<OptionSpec> option_table() {
        {},
        64,
        65536},
-      {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
+      attribute_option(),
       {"tau_max",
        8.0,
        kBuild,

@@ -17,7 +17,7 @@ std::vector<OptionSpec> option_table() {
   using enum Stage;
   return {
       {"finest_error", 0.0, kBuild, "source units", "Always 0: every sample is kept as it is.", {}, 0.0, 0.0},
-      {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
+      attribute_option(),
       normals_option(),
       {"projection",
        std::string("strict"),

@@ -11,11 +11,12 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "method/map_build.h"
 #include "method/maps_option.h"
 #include "method/sample_code.h"
-#include "methods/multigrain/map_build.h"
 #include "methods/multigrain/measure.h"
 #include "methods/multigrain/multigrain.h"
+#include "methods/multigrain/squares.h"
 #include "methods/multigrain/tiles.h"
 
 namespace lodlab::multigrain {
@@ -226,12 +227,12 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   const Bounds bounds = options.text("bounds") == "drawn" ? Bounds::kDrawn : Bounds::kBilinear;
   const double finest_error = options.real("finest_error");
   const std::string& attribute = options.text("attribute");
-  if (!attribute.empty()) put_colors(attribute, bands.frame(), layout, writer, progress);
+  if (!attribute.empty()) put_colors(attribute, bands.frame(), map_user(layout), writer, progress);
   const Tiles tiles(layout);
   std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
   std::optional<NormalsWriter> normals;
   if (has_normals(options)) {
-    normals.emplace(bands.frame(), layout, writer);
+    normals.emplace(bands.frame(), map_user(layout), writer);
     for (Step& step : steps) step.above = std::min(step.above, normals->normals().first_needed(step.first));
   }
   const double half = 0.5 / static_cast<double>(steps.size());

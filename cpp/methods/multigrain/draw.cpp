@@ -7,7 +7,6 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
-#include <array>
 #include <optional>
 
 #include "base/errors.h"
@@ -15,9 +14,9 @@
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
+#include "method/map_memory.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/lattice.h"
-#include "methods/multigrain/map_memory.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tile_memory.h"
 #include "render/field_resources.h"
@@ -60,12 +59,12 @@ struct MultigrainSession::Gpu {
   /// A patch of a node, and where it lies in its tiles.
   struct Pick {
     const CutNode* node;
-    Patch patch;
+    MapPatch patch;
     size_t part;
-    std::array<MapMemory::Row, kMostMaps> rows;
+    MapMemory::Rows rows;
   };
 
-  Gpu(const Forest& forest, Paging& pages, MapPaging& map_pages, double texels_per_pixel)
+  Gpu(const Forest& forest, Paging& pages, MapPaging& map_pages, render::Submitted& submitted)
       : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
     if (forest.frame.planet) {
       lattice.emplace(forest.frame);
@@ -77,11 +76,11 @@ struct MultigrainSession::Gpu {
     arrays.integers(2, 1, 2, GL_UNSIGNED_INT, 16);
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
     gl::check("glVertexArrayBindingDivisor");
-    maps.reserve(map_pages.count());
-    for (size_t i = 0; i < map_pages.count(); ++i) maps.emplace_back(map_pages, i, texels_per_pixel, arrays);
+    for (uint32_t i = 0; paging.streams() && i < paging.roots(); ++i) bring(i, std::nullopt, submitted);
+    maps.emplace(map_pages, arrays, submitted);
   }
 
-  bool pick(const CutNode& picked, const Patch& patch, uint32_t unit, render::Submitted& submitted);
+  bool pick(const CutNode& picked, const MapPatch& patch, uint32_t unit, render::Submitted& submitted);
   void add(const Forest& forest, const Pick& pick, render::Pass& pass);
   void upload(render::Submitted& submitted);
   bool bring(uint32_t unit, std::optional<double> worth, render::Submitted& submitted);
@@ -102,20 +101,16 @@ struct MultigrainSession::Gpu {
   std::vector<Batch> batches;
   std::vector<Pick> picks;
   std::vector<uint32_t> dropped;
-  std::vector<MapMemory> maps;
+  std::optional<MapMemory> maps;
 };
 
 /// Brings what a patch draws from. False: this frame uses all the memory that there is.
-bool MultigrainSession::Gpu::pick(const CutNode& picked, const Patch& patch, uint32_t unit,
+bool MultigrainSession::Gpu::pick(const CutNode& picked, const MapPatch& patch, uint32_t unit,
                                   render::Submitted& submitted) {
   if (!bring(unit, std::nullopt, submitted)) return false;
-  Pick out{&picked, patch, tiles.place(paging, unit, 0, 0).part, {}};
-  for (size_t i = 0; i < maps.size(); ++i) {
-    const auto row = maps[i].row(patch, submitted);
-    if (!row) return false;
-    out.rows[i] = *row;
-  }
-  picks.push_back(out);
+  const auto rows = maps->rows(patch, submitted);
+  if (!rows) return false;
+  picks.push_back({&picked, patch, tiles.place(paging, unit, 0, 0).part, *rows});
   return true;
 }
 
@@ -123,7 +118,7 @@ bool MultigrainSession::Gpu::pick(const CutNode& picked, const Patch& patch, uin
 void MultigrainSession::Gpu::add(const Forest& forest, const Pick& pick, render::Pass& pass) {
   const Layout& layout = forest.layout;
   const CutNode& picked = *pick.node;
-  const Patch& patch = pick.patch;
+  const MapPatch& patch = pick.patch;
   const Node& node = forest.node[picked.node];
   const int size = patch.size_log2;
   const int stride = forest.stride_log2(node, static_cast<int>(picked.resolution));
@@ -146,7 +141,7 @@ void MultigrainSession::Gpu::add(const Forest& forest, const Pick& pick, render:
   instance_data.push_back({patch.col, patch.row, static_cast<int32_t>(place.height),
                            static_cast<int32_t>(place.tile_rows), picked.node,
                            static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
-  for (size_t i = 0; i < maps.size(); ++i) maps[i].add(pick.rows[i]);
+  maps->add(pick.rows);
   pass.submitted.triangles += triangles;
   pass.submitted.vertices += (shape.cells_x + 1) * (shape.cells_y + 1);
 }
@@ -161,7 +156,7 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
   send(instances, as_bytes(instance_data));
   send(commands, as_bytes(command_data));
   send(strides, as_bytes(map));
-  for (MapMemory& it : maps) it.upload(arrays, submitted);
+  maps->upload(arrays, submitted);
   if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
     indices = gl::Buffer(grids.indices());
     submitted.upload_bytes += indices.bytes();
@@ -171,10 +166,8 @@ void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
 }
 
 void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
-  render::Maps shown;
-  for (const MapMemory& it : maps) (it.kind() == kColors ? shown.colors : shown.normals) = true;
-  const unsigned name = pass.use(program, *field, shown);
-  for (const MapMemory& it : maps) it.bind();
+  const unsigned name = pass.use(program, *field, maps->shown());
+  maps->bind();
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
   glUniform4i(glGetUniformLocation(name, "u_blocks"), static_cast<GLint>(layout.blocks_x()),
@@ -220,7 +213,7 @@ void MultigrainSession::Gpu::submit(const Forest& forest, render::Pass& pass) {
   instance_data.clear();
   command_data.clear();
   batches.clear();
-  for (MapMemory& it : maps) it.begin();
+  maps->begin();
   for (const Pick& pick : picks) add(forest, pick, pass);
   picks.clear();
   if (command_data.empty()) return;
@@ -240,14 +233,7 @@ void MultigrainSession::next_round(render::Pass& pass) {
 void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const Forest& forest = *forest_;
-  if (!gpu_) {
-    gpu_ = std::make_shared<Gpu>(forest, *paging_, *maps_, texels_per_pixel_);
-    for (uint32_t i = 0; paging_->streams() && i < paging_->roots(); ++i)
-      gpu_->bring(i, std::nullopt, pass.submitted);
-    for (MapMemory& it : gpu_->maps) {
-      if (paging_->streams()) it.bring_root(pass.submitted);
-    }
-  }
+  if (!gpu_) gpu_ = std::make_shared<Gpu>(forest, *paging_, *maps_, pass.submitted);
   Gpu& gpu = *gpu_;
   gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
   for (const CutNode& picked : cut.nodes)
@@ -256,7 +242,7 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
     if (!picked.visible && !pass.everything()) continue;
     const uint32_t unit = paging_->unit(forest.node[picked.node], static_cast<int>(picked.resolution));
     ++pass.submitted.nodes;
-    for (const Patch& patch : maps_->patches(picked, pass.camera())) {
+    for (const MapPatch& patch : maps_->patches(picked, pass.camera())) {
       if (gpu.pick(picked, patch, unit, pass.submitted)) continue;
       next_round(pass);
       if (!gpu.pick(picked, patch, unit, pass.submitted))
@@ -270,18 +256,13 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
 /// What arrived meanwhile becomes resident for the next frame.
 void MultigrainSession::admit_wanted(render::Submitted& submitted) {
   const Residency& residency = paging_->residency();
-  const int64_t before = submitted.upload_bytes;
+  const int64_t most = submitted.upload_bytes + kUploadPerFrame;
   for (const Residency::Want& want : residency.wanted()) {
-    if (submitted.upload_bytes - before >= kUploadPerFrame) break;
+    if (submitted.upload_bytes >= most) break;
     if (residency.resident(want.unit) || !residency.resident(paging_->parent(want.unit))) continue;
     gpu_->bring(want.unit, want.priority, submitted);
   }
-  for (size_t i = 0; i < maps_->count(); ++i) {
-    for (const Residency::Want& want : maps_->residency(i).wanted()) {
-      if (submitted.upload_bytes - before >= kUploadPerFrame) return;
-      gpu_->maps[i].admit(want, submitted);
-    }
-  }
+  gpu_->maps->admit_wanted(most, submitted);
 }
 
 void MultigrainSession::settle() { paging_->residency().settle(); }
@@ -289,8 +270,7 @@ void MultigrainSession::settle() { paging_->residency().settle(); }
 int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
-  int64_t sum = gpu.field->bytes() + gpu.tiles.bytes();
-  for (const MapMemory& it : gpu.maps) sum += it.bytes();
+  int64_t sum = gpu.field->bytes() + gpu.tiles.bytes() + gpu.maps->bytes();
   for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
     sum += b->bytes();
   }

@@ -3,11 +3,12 @@
 // raising the resolution of its grid, so that the work of CPU and GPU is set apart; neighbours are stitched
 // on the GPU. Niski, Purnomo, Cohen, Multi-grained level of detail using a hierarchical seamless texture
 // atlas, 2007.
+#include "method/map_paging.h"
 #include "method/maps_option.h"
 #include "method/paging_options.h"
 #include "methods/multigrain/adapt.h"
-#include "methods/multigrain/map_paging.h"
 #include "methods/multigrain/multigrain.h"
+#include "methods/multigrain/squares.h"
 
 namespace lodlab {
 namespace multigrain {
@@ -55,7 +56,7 @@ std::vector<OptionSpec> option_table() {
        "",
        "Errors of the triangles as drawn, or the paper's, of bilinear interpolation, which bound nothing.",
        {"drawn", "bilinear"}},
-      {"attribute", std::string(), kBuild, "", "Colour raster of the same extent, drawn on the surface.", {}},
+      attribute_option(),
       normals_option(),
       projection_option(),
       {"adapt",
@@ -66,14 +67,7 @@ std::vector<OptionSpec> option_table() {
        "lowest "
        "level of error within the budget, as the optimum (slow); auto: by what the budget limits.",
        {"auto", "topdown", "dual", "quad", "level", "exact"}},
-      {"texels_per_pixel",
-       1.0,
-       kDraw,
-       "",
-       "Texels of maps a pixel, whatever the grids; more are sharper and may flicker.",
-       {},
-       0.125,
-       8.0},
+      texels_option(),
   };
   add_paging_options(table, {"Load heights and maps while flying; false loads what a frame draws before it.",
                              "Decoded heights and maps kept in main memory.",
@@ -121,9 +115,10 @@ MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const
       options_json_(options.to_json()),
       projection_(projection_of(options)),
       adapt_(adapt_of(options)),
-      texels_per_pixel_(options.real("texels_per_pixel")),
       paging_(std::make_unique<Paging>(forest_, options)),
-      maps_(std::make_unique<MapPaging>(forest_, *paging_, paging_->streams(), texels_per_pixel_)),
+      maps_(std::make_unique<MapPaging>(std::make_unique<NodeSquares>(forest_), maps_of(*forest_),
+                                        paging_->residency(), paging_->map_bytes(),
+                                        options.real("texels_per_pixel"))),
       adaptation_(std::make_unique<Adaptation>(*forest_, projection_, paging_.get())) {}
 
 MultigrainSession::~MultigrainSession() = default;

@@ -2,7 +2,8 @@
 // multigrain: what its files give to one another, and the store.
 //   arrays: layout (chart_log2, levels, most_log2), nodes (Node), resolutions (Resolution), own and strips
 //   (BlockErrors); meta: bounds; pages: heights by tile (tiles.h; method/sample_code.h), the coverage mask,
-//   and, with maps, their tiles (map_tiles.h) and an array each, colors and normals (finer_log2, side_log2).
+//   and, with maps, their tiles (method/map_tiles.h) and an array each, colors and normals (finer_log2,
+//   side_log2).
 #pragma once
 
 #include "base/options.h"
@@ -12,7 +13,7 @@
 
 namespace lodlab::multigrain {
 
-enum PageKind : int { kHeights = 0, kCoverage = 1, kColors = 2, kNormals = 3 };
+enum PageKind : int { kHeights = 0, kCoverage = 1 };
 
 /// The layout with these parameters over a frame.
 Layout make_layout(const FieldFrame& frame, int chart_log2, int levels, int most_log2);

@@ -5,11 +5,12 @@
 #include <set>
 
 #include "base/errors.h"
+#include "method/map_paging.h"
 #include "method/sample_code.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/lattice.h"
-#include "methods/multigrain/maps.h"
 #include "methods/multigrain/multigrain.h"
+#include "methods/multigrain/squares.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -78,37 +79,11 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
          (forest.coverage().empty() ? 0 : mask) + layout.blocks_x() * layout.blocks_y() + 3;
 }
 
-/// Tiles of one kind and size in GPU memory.
-struct Pool {
-  int64_t slot, count, least;  ///< bytes of a tile; how many there are, and must fit
-  int64_t capacity = 0;        ///< bytes: whole slots
-};
-
-/// Gives each pool its least and parts the rest of the room equally; what one has no use for goes to the
-/// others.
-void part(int64_t room, std::vector<Pool>& pools) {
-  std::vector<Pool*> order;
-  for (Pool& pool : pools) {
-    room -= pool.least * pool.slot;
-    order.push_back(&pool);
-  }
-  const auto open = [](const Pool* pool) { return (pool->count - pool->least) * pool->slot; };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](const Pool* a, const Pool* b) { return open(a) < open(b); });
-  auto left = static_cast<int64_t>(order.size());
-  for (Pool* pool : order) {
-    pool->capacity = (pool->least + std::min(open(pool), room / left--) / pool->slot) * pool->slot;
-    room -= pool->capacity - pool->least * pool->slot;
-  }
-}
-
-constexpr int64_t kMostLayers = 2048;  // of an array texture, on any device
-
 }  // namespace
 
 Paging::Plan Paging::plan(const std::shared_ptr<const Forest>& forest, const Options& options) {
   const Tiles tiles(forest->layout);
-  const std::vector<Map> maps = Maps(*forest).all();
+  const Maps maps = maps_of(*forest);
   const Layout& layout = forest->layout;
   Residency::Setup setup;
   int64_t slot = 0;
@@ -123,12 +98,7 @@ Paging::Plan Paging::plan(const std::shared_ptr<const Forest>& forest, const Opt
   setup.cpu_bytes = caches.cpu_bytes;
   setup.fetch_delay = caches.fetch_delay;
   setup.decode = [tiles, maps, frame = forest->frame](int kind, int64_t id, Bytes stored) {
-    for (const Map& map : maps) {
-      if (map.kind != kind) continue;
-      const std::vector<uint32_t> texels = decode_tile(map.tiles.at(id), stored);
-      const auto bytes = as_bytes(texels);
-      return Bytes(bytes.begin(), bytes.end());
-    }
+    if (auto texels = maps.decode(kind, id, stored)) return *std::move(texels);
     const Tile tile = tiles.at(id);
     std::vector<float> heights(static_cast<size_t>(tile.samples()));
     decode_samples(stored, heights.data(), static_cast<int64_t>(heights.size()));
@@ -142,26 +112,23 @@ Paging::Plan Paging::plan(const std::shared_ptr<const Forest>& forest, const Opt
   };
   std::vector<Pool> pools{{slot, tiles.count(), setup.roots + int64_t{path}}};
   int64_t roots = std::max<int64_t>(setup.roots, 1) * slot;
-  for (const Map& map : maps) {
-    pools.push_back({map.tiles.bytes(), slots_of(std::min(map.tiles.count(), kMostLayers)),
-                     slots_of(map.tiles.levels())});
-    roots += map.tiles.bytes();
+  for (const Pool& pool : map_pools(maps)) {
+    pools.push_back(pool);
+    roots += pool.slot;
   }
-  const std::string texels = maps.empty() ? "" : ", those of the maps";
-  int64_t least = bytes_beside_tiles(*forest, tiles, maps.size());
-  const int64_t room = caches.gpu_bytes - least;
-  for (const Pool& pool : pools) least += pool.least * pool.slot;
+  const std::string texels = maps.all().empty() ? "" : ", those of the maps";
+  const int64_t beside = bytes_beside_tiles(*forest, tiles, maps.all().size());
+  const int64_t least = beside + least_of(pools);
   if (least > caches.gpu_bytes) {
     refuse("the coarsest heights, a path to the finest" + texels + ", and the grids", "gpu_cache_mb", least,
            caches.gpu_bytes);
   }
   if (roots > setup.cpu_bytes)
     refuse("the coarsest heights" + texels, "cpu_cache_mb", roots, setup.cpu_bytes);
-  part(room, pools);
+  part_room(caches.gpu_bytes - beside, pools);
   setup.capacity = pools[0].capacity;
   Plan plan{std::move(setup), {}};
-  for (size_t i = 1; i < pools.size(); ++i)
-    plan.map_bytes.push_back(layers_in(pools[i].capacity / pools[i].slot) * pools[i].slot);
+  for (size_t i = 1; i < pools.size(); ++i) plan.map_bytes.push_back(lodlab::map_bytes(pools[i]));
   return plan;
 }
 

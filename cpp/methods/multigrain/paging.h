@@ -51,8 +51,8 @@ class Paging {
     for (; unit >= roots_ && !residency_.touched(unit, worth); unit = parent_[unit])
       residency_.touch(unit, worth);
   }
-  /// Bytes of GPU memory that tiles of a map may take (maps.h).
-  int64_t map_bytes(size_t map) const { return map_bytes_[map]; }
+  /// Bytes of GPU memory that tiles of each map may take (method/maps.h).
+  const std::vector<int64_t>& map_bytes() const { return map_bytes_; }
   /// In this frame's list of what the loader is asked for, if it is not there; then used.
   void need(uint32_t unit, double priority) {
     if (residency_.resident(unit)) {

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "base/errors.h"
+#include "method/map_paging.h"
 #include "methods/multigrain/adapt.h"
-#include "methods/multigrain/map_paging.h"
 
 namespace lodlab::multigrain {
 namespace {

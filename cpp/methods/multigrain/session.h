@@ -9,10 +9,13 @@
 #include "method/projector.h"
 #include "methods/multigrain/hierarchy.h"
 
+namespace lodlab {
+class MapPaging;
+}
+
 namespace lodlab::multigrain {
 
 class Paging;
-class MapPaging;
 
 enum class Adapt { kAuto, kTopDown, kDual, kQuad, kLevel, kExact };
 
@@ -38,7 +41,6 @@ class MultigrainSession : public Session {
   std::string options_json_;
   Projection projection_;
   Adapt adapt_;
-  double texels_per_pixel_;
   std::unique_ptr<Paging> paging_;
   std::unique_ptr<MapPaging> maps_;
   struct Adaptation;  // select.cpp: what the next frame starts from, and scratch memory

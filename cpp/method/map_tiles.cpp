@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: MIT
-#include "methods/multigrain/map_tiles.h"
+#include "method/map_tiles.h"
 
 #include <algorithm>
 
 #include "base/errors.h"
 #include "method/sample_code.h"
 
-namespace lodlab::multigrain {
+namespace lodlab {
 
-MapTiles::MapTiles(const Layout& layout, int finer_log2, int side_log2)
-    : layout_(layout), finer_log2_(finer_log2), side_log2_(side_log2), first_{0} {
+MapTiles::MapTiles(const FieldFrame& frame, int finer_log2, int side_log2)
+    : last_row_(frame.rows - 1),
+      last_col_(frame.wraps ? frame.cols : frame.cols - 1),
+      finer_log2_(finer_log2),
+      side_log2_(side_log2),
+      first_{0} {
   for (int level = 0;; ++level) {
     const int64_t here = across(level) * down(level);
     first_.push_back(first_.back() + here);
@@ -17,22 +21,25 @@ MapTiles::MapTiles(const Layout& layout, int finer_log2, int side_log2)
   }
 }
 
-MapTiles MapTiles::choose(const Layout& layout, int finer_log2, const std::string& what) {
-  const int block = layout.block_log2() + finer_log2;
-  if (block > kMostLog2) {
-    throw InvalidInput("multigrain: " + what + ": a node of the last level has 2^" + std::to_string(block) +
-                       " texels a side, more than " + std::to_string(1 << kMostLog2) +
-                       "; take more levels or smaller charts");
+MapTiles MapTiles::choose(const FieldFrame& frame, const MapUser& user, int finer_log2,
+                          const std::string& what) {
+  const int piece = user.piece_log2 + finer_log2;
+  if (piece > kMostLog2) {
+    throw InvalidInput(user.method + ": " + what + ": the least that is drawn at once has 2^" +
+                       std::to_string(piece) + " texels a side, more than " + std::to_string(1 << kMostLog2) +
+                       "; " + user.advice);
   }
-  return {layout, finer_log2, std::max(block, kLeastLog2)};
+  return {frame, finer_log2, std::max(piece, kLeastLog2)};
 }
 
-MapTiles MapTiles::stored(const Store& store, const std::string& name, const Layout& layout) {
+MapTiles MapTiles::stored(const Store& store, const std::string& name, const FieldFrame& frame,
+                          int piece_log2) {
   const std::vector<int32_t> shape = store.array_of<int32_t>(name);
   const bool known = shape.size() == 2 && shape[1] >= kLeastLog2 && shape[1] <= kMostLog2 &&
-                     layout.block_log2() + shape[0] <= shape[1] && shape[0] > -32;
-  if (!known) throw StoreError("multigrain: " + store.path() + " does not say how its " + name + " lie");
-  return {layout, shape[0], shape[1]};
+                     piece_log2 + shape[0] <= shape[1] && shape[0] > -32;
+  if (!known)
+    throw StoreError(store.meta().method + ": " + store.path() + " does not say how its " + name + " lie");
+  return {frame, shape[0], shape[1]};
 }
 
 MapTiles::Tile MapTiles::at(int64_t id) const {
@@ -46,7 +53,7 @@ MapTiles::Tile MapTiles::at(int64_t id) const {
     const int64_t needed = scaled(last + 1, finer_log2_ - level) + kBorder - first;
     return std::min(pitch(), (needed + kBorder - 1) / kBorder * kBorder);
   };
-  return {level, row, col, length(row, layout_.last_row()), length(col, layout_.last_col())};
+  return {level, row, col, length(row, last_row_), length(col, last_col_)};
 }
 
 int64_t MapTiles::parent(int64_t id) const {
@@ -62,7 +69,7 @@ int64_t MapTiles::bytes() const {
   return texels * static_cast<int64_t>(sizeof(uint32_t));
 }
 
-std::vector<uint32_t> decode_tile(const MapTiles::Tile& tile, const Bytes& stored) {
+std::vector<uint32_t> decode_map_tile(const MapTiles::Tile& tile, const Bytes& stored) {
   int64_t count = 0;
   for (int mip = 0; mip < MapTiles::kMips; ++mip) count += (tile.rows >> mip) * (tile.cols >> mip);
   std::vector<uint32_t> texels(static_cast<size_t>(count));
@@ -74,11 +81,12 @@ std::vector<uint32_t> decode_tile(const MapTiles::Tile& tile, const Bytes& store
     const uint32_t* next = to;
     for (int64_t j = 0; j < rows; j += 2) {
       const uint32_t *above = finer + j * cols, *below = above + cols;
-      for (int64_t i = 0; i < cols; i += 2) *to++ = mean(above[i], above[i + 1], below[i], below[i + 1]);
+      for (int64_t i = 0; i < cols; i += 2)
+        *to++ = mean_texel(above[i], above[i + 1], below[i], below[i + 1]);
     }
     finer = next;
   }
   return texels;
 }
 
-}  // namespace lodlab::multigrain
+}  // namespace lodlab

@@ -1,15 +1,37 @@
 // SPDX-License-Identifier: MIT
-#include "methods/multigrain/map_paging.h"
+#include "method/map_paging.h"
 
 #include <algorithm>
 
-namespace lodlab::multigrain {
+namespace lodlab {
 
-MapPaging::MapPaging(const std::shared_ptr<const Forest>& forest, const Paging& heights, bool stream,
-                     double texels_per_pixel)
-    : forest_(forest),
-      maps_(*forest),
-      streams_(stream),
+namespace {
+
+constexpr int64_t kMostLayers = 2048;  // of an array texture, on any device
+
+/// Room, in tiles, that a texture of so many layers needs with what it grew from; and the layers that a room
+/// allows.
+int64_t slots_of(int64_t layers) { return layers + (layers + 3) / 4; }
+int64_t layers_in(int64_t slots) { return slots * 4 / 5; }
+
+}  // namespace
+
+std::vector<Pool> map_pools(const Maps& maps) {
+  std::vector<Pool> pools;
+  for (const Map& map : maps.all()) {
+    pools.push_back({map.tiles.bytes(), slots_of(std::min(map.tiles.count(), kMostLayers)),
+                     slots_of(map.tiles.levels())});
+  }
+  return pools;
+}
+
+int64_t map_bytes(const Pool& pool) { return layers_in(pool.capacity / pool.slot) * pool.slot; }
+
+MapPaging::MapPaging(std::unique_ptr<const MapSquares> squares, Maps maps, const Residency& heights,
+                     const std::vector<int64_t>& bytes, double texels_per_pixel)
+    : squares_(std::move(squares)),
+      maps_(std::move(maps)),
+      streams_(heights.streams()),
       texels_per_pixel_(texels_per_pixel),
       wants_(maps_.all().size()) {
   for (size_t i = 0; i < maps_.all().size(); ++i) {
@@ -17,9 +39,9 @@ MapPaging::MapPaging(const std::shared_ptr<const Forest>& forest, const Paging& 
     for (int64_t id = tiles(i).count(); id-- > 0;) setup.units.push_back({id, tiles(i).bytes()});
     setup.roots = 1;
     setup.kind = maps_.all()[i].kind;
-    setup.capacity = heights.map_bytes(i);
-    setup.stream = stream;
-    pools_.emplace_back(heights.residency(), std::move(setup));
+    setup.capacity = bytes[i];
+    setup.stream = streams_;
+    pools_.emplace_back(heights, std::move(setup));
   }
 }
 
@@ -27,16 +49,15 @@ void MapPaging::next_frame() {
   for (Residency& pool : pools_) pool.next_frame();
 }
 
-const std::vector<Patch>& MapPaging::patches(const CutNode& picked, const Camera& camera) {
+const std::vector<MapPatch>& MapPaging::patches(const CutNode& picked, const Camera& camera) {
   patches_.clear();
-  const int stride = forest_->stride_log2(forest_->node[picked.node], static_cast<int>(picked.resolution));
-  maps_.patches(picked.node, stride, camera, texels_per_pixel_, patches_);
+  maps_.patches(*squares_, squares_->whole(picked), camera, texels_per_pixel_, patches_);
   return patches_;
 }
 
 /// A tile is worth the length, in pixels, that a texel would have in its place: one of the next level.
 /// Whether the patch's tile is there.
-bool MapPaging::need(size_t map, const Patch& patch) {
+bool MapPaging::need(size_t map, const MapPatch& patch) {
   Residency& pool = pools_[map];
   const uint32_t first = unit(map, patch.tile[map]);
   double worth = 2.0 / (patch.density[map] * texels_per_pixel_);
@@ -52,7 +73,7 @@ void MapPaging::select(const Camera& camera, Cut& cut) {
   for (CutNode& picked : cut.nodes) {
     if (!picked.visible) continue;
     bool there = true;
-    for (const Patch& patch : patches(picked, camera)) {
+    for (const MapPatch& patch : patches(picked, camera)) {
       for (size_t i = 0; i < count() && patch.tile[i] >= 0; ++i) there &= need(i, patch);
     }
     if (there || picked.missing) continue;
@@ -72,4 +93,4 @@ void MapPaging::select(const Camera& camera, Cut& cut) {
   }
 }
 
-}  // namespace lodlab::multigrain
+}  // namespace lodlab

@@ -8,19 +8,28 @@
 #include <memory>
 #include <vector>
 
-#include "methods/multigrain/maps.h"
-#include "methods/multigrain/paging.h"
+#include "method/maps.h"
+#include "method/pools.h"
+#include "method/residency.h"
 
-namespace lodlab::multigrain {
+namespace lodlab {
+
+/// What the tiles of each map need of the GPU's memory: room for the array texture and for the one that it
+/// grows from.
+std::vector<Pool> map_pools(const Maps& maps);
+/// Bytes of the tiles that such a pool has room for.
+int64_t map_bytes(const Pool& pool);
 
 class MapPaging {
  public:
-  MapPaging(const std::shared_ptr<const Forest>& forest, const Paging& heights, bool stream,
-            double texels_per_pixel);
+  /// `heights` has the loader; `bytes` of GPU memory for the tiles of each map.
+  MapPaging(std::unique_ptr<const MapSquares> squares, Maps maps, const Residency& heights,
+            const std::vector<int64_t>& bytes, double texels_per_pixel);
 
   const Maps& maps() const { return maps_; }
   size_t count() const { return pools_.size(); }
   bool streams() const { return streams_; }
+  double texels_per_pixel() const { return texels_per_pixel_; }
   Residency& residency(size_t map) { return pools_[map]; }
   void next_frame();
   /// While streaming: what the cut draws is used, what it would draw is asked for, and nodes for which
@@ -28,7 +37,7 @@ class MapPaging {
   void select(const Camera& camera, Cut& cut);
 
   /// The patches of a picked node. Valid until the next call.
-  const std::vector<Patch>& patches(const CutNode& picked, const Camera& camera);
+  const std::vector<MapPatch>& patches(const CutNode& picked, const Camera& camera);
   /// Units count tiles from the last one, so that parents come first.
   uint32_t unit(size_t map, int64_t tile) const {
     return static_cast<uint32_t>(tiles(map).count() - 1 - tile);
@@ -41,15 +50,15 @@ class MapPaging {
 
  private:
   const MapTiles& tiles(size_t map) const { return maps_.all()[map].tiles; }
-  bool need(size_t map, const Patch& patch);
+  bool need(size_t map, const MapPatch& patch);
 
-  std::shared_ptr<const Forest> forest_;
+  std::unique_ptr<const MapSquares> squares_;
   Maps maps_;
   bool streams_;
   double texels_per_pixel_;
   std::vector<Residency> pools_;                     ///< by map
   std::vector<std::vector<Residency::Want>> wants_;  ///< by map
-  std::vector<Patch> patches_;
+  std::vector<MapPatch> patches_;
 };
 
-}  // namespace lodlab::multigrain
+}  // namespace lodlab

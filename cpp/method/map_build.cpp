@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "methods/multigrain/map_build.h"
+#include "method/map_build.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "imageio/image.h"
 #include "method/sample_code.h"
 
-namespace lodlab::multigrain {
+namespace lodlab {
 namespace {
 
 constexpr int64_t kRowsAtOnce = 64;
@@ -50,12 +50,19 @@ void put_shape(StoreWriter& writer, const char* name, const MapTiles& tiles) {
 
 }  // namespace
 
-MapWriter::MapWriter(PageKind kind, const FieldFrame& frame, const MapTiles& tiles, StoreWriter& writer)
+MapWriter::MapWriter(MapKind kind, const FieldFrame& frame, const MapTiles& tiles, StoreWriter& writer)
     : kind_(kind), tiles_(tiles), writer_(writer) {
   for (int level = 0; level < tiles.levels(); ++level) {
     const int log2 = tiles.finer_log2() - level;
     const int64_t more = frame.wraps ? int64_t{2} * MapTiles::kBorder << (tiles.levels() - 1 - level) : 0;
-    levels_.push_back({-more, scaled(frame.cols, log2) + 2 * more, scaled(frame.rows, log2), 0, 0, 0, 0, {}});
+    levels_.push_back({-more,
+                       MapTiles::scaled(frame.cols, log2) + 2 * more,
+                       MapTiles::scaled(frame.rows, log2),
+                       0,
+                       0,
+                       0,
+                       0,
+                       {}});
   }
 }
 
@@ -97,7 +104,7 @@ std::vector<uint32_t> MapWriter::halve(size_t level) {
       const uint32_t *above = from.row(2 * (from.halved + j)), *below = from.row(2 * (from.halved + j) + 1);
       for (int64_t i = 0; i < to.cols; ++i) {
         const int64_t a = from.place(2 * (i + to.first_col)), b = from.place(2 * (i + to.first_col) + 1);
-        out[static_cast<size_t>(j * to.cols + i)] = mean(above[a], above[b], below[a], below[b]);
+        out[static_cast<size_t>(j * to.cols + i)] = mean_texel(above[a], above[b], below[a], below[b]);
       }
     }
   });
@@ -124,11 +131,11 @@ void MapWriter::write_row(size_t level) {
   });
 }
 
-void put_colors(const std::string& file, const FieldFrame& frame, const Layout& layout, StoreWriter& writer,
+void put_colors(const std::string& file, const FieldFrame& frame, const MapUser& user, StoreWriter& writer,
                 const Progress& progress) {
   const ImageU8 image = read_rgba8(file);
   const int finer = finer_log2(image, frame);
-  const MapTiles tiles = MapTiles::choose(layout, finer, "attribute " + file);
+  const MapTiles tiles = MapTiles::choose(frame, user, finer, "attribute " + file);
   MapWriter map(kColors, frame, tiles, writer);
   const double step_x =
       std::ldexp(static_cast<double>(image.width) / static_cast<double>(frame.cols), -finer);
@@ -152,9 +159,9 @@ void put_colors(const std::string& file, const FieldFrame& frame, const Layout& 
   put_shape(writer, "colors", tiles);
 }
 
-NormalsWriter::NormalsWriter(const FieldFrame& frame, const Layout& layout, StoreWriter& writer)
-    : normals_(frame), map_(kNormals, frame, MapTiles::choose(layout, 0, "normals"), writer) {
-  put_shape(writer, "normals", MapTiles::choose(layout, 0, "normals"));
+NormalsWriter::NormalsWriter(const FieldFrame& frame, const MapUser& user, StoreWriter& writer)
+    : normals_(frame), map_(kNormals, frame, MapTiles::choose(frame, user, 0, "normals"), writer) {
+  put_shape(writer, "normals", MapTiles::choose(frame, user, 0, "normals"));
 }
 
 void NormalsWriter::take(const HeightRows& rows, int64_t end, const Progress& progress) {
@@ -176,4 +183,4 @@ void NormalsWriter::take(const HeightRows& rows, int64_t end, const Progress& pr
   }
 }
 
-}  // namespace lodlab::multigrain
+}  // namespace lodlab

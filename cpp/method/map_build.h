@@ -9,15 +9,14 @@
 #include "base/progress.h"
 #include "geometry/height_rows.h"
 #include "geometry/normals.h"
-#include "methods/multigrain/map_tiles.h"
-#include "methods/multigrain/multigrain.h"
+#include "method/map_tiles.h"
 
-namespace lodlab::multigrain {
+namespace lodlab {
 
 /// Box-filters rows to a pyramid and writes its tiles.
 class MapWriter {
  public:
-  MapWriter(PageKind kind, const FieldFrame& frame, const MapTiles& tiles, StoreWriter& writer);
+  MapWriter(MapKind kind, const FieldFrame& frame, const MapTiles& tiles, StoreWriter& writer);
 
   /// Texels of a row of level 0: first_col() is the first one's column. Where columns wrap, a row goes on
   /// round the planet on both sides, as far as coarser levels look.
@@ -46,7 +45,7 @@ class MapWriter {
   std::vector<uint32_t> halve(size_t level);
   void write_row(size_t level);
 
-  PageKind kind_;
+  MapKind kind_;
   MapTiles tiles_;
   StoreWriter& writer_;
   std::vector<Level> levels_;
@@ -54,13 +53,13 @@ class MapWriter {
 
 /// Reads the raster, which spans what the samples do, and writes its pyramid. InvalidInput for a file that is
 /// no picture, and for one so fine that MapTiles::choose refuses it.
-void put_colors(const std::string& file, const FieldFrame& frame, const Layout& layout, StoreWriter& writer,
+void put_colors(const std::string& file, const FieldFrame& frame, const MapUser& user, StoreWriter& writer,
                 const Progress& progress);
 
 /// The pyramid of a field's normals, from bands of its rows.
 class NormalsWriter {
  public:
-  NormalsWriter(const FieldFrame& frame, const Layout& layout, StoreWriter& writer);
+  NormalsWriter(const FieldFrame& frame, const MapUser& user, StoreWriter& writer);
   /// Normals of the rows that follow, up to `end`; `rows` holds what these need (Normals::first_needed).
   void take(const HeightRows& rows, int64_t end, const Progress& progress);
   const Normals& normals() const { return normals_; }
@@ -70,4 +69,4 @@ class NormalsWriter {
   MapWriter map_;
 };
 
-}  // namespace lodlab::multigrain
+}  // namespace lodlab
