@@ -122,6 +122,12 @@ Progress part_of(const Progress& progress, size_t part, size_t parts) {
   };
 }
 
+/// How many resolutions of a level are measured: the finest is that of the next level's coarsest, or exact.
+int measured_of(const Layout& layout, int level) {
+  const bool finest = level + 1 == layout.levels && layout.finest_log2 > 0;
+  return layout.resolutions - (finest ? 0 : 1);
+}
+
 class Builder {
  public:
   Builder(Bands& bands, const Options& options, const Progress& progress)
@@ -149,7 +155,7 @@ class Builder {
                    const int64_t id = layout.id(share.patch);
                    if (share.first == layout.row(share.patch) && !writer.has_page(kHeights, id))
                      writer.put_page(kHeights, id, page_of(pyramid_, rows, layout, share.patch));
-                   measurer.measure(rows, share, 0, errors);
+                   measurer.measure(rows, share, 0, measured_of(layout, share.patch.level), errors);
                  });
     }
     const Closed closed = close_errors(layout, make_levels(layout, bands_.frame()), errors);
@@ -189,7 +195,7 @@ class Builder {
         for_shares(layout, mesh_, pyramid_, shares_of(layout, band, layout.levels - 1), part,
                    [&](Measurer& measurer, const Share& share) {
                      if (beyond) return;
-                     measurer.measure(rows, share, layout.resolutions - 1, errors);
+                     measurer.measure(rows, share, layout.resolutions - 1, layout.resolutions, errors);
                      for (const Edge e : {kNorth, kEast, kSouth, kWest}) {
                        if (errors.at(layout.id(share.patch), e, layout.resolutions - 1) > finest_error_)
                          beyond = true;

@@ -31,9 +31,9 @@ class Closure {
       low_.assign(edges, 0);
       mid_.assign(edges, 0);
       weight_.assign(edges, 0);
-      for_patches(level_, [&](const Patch& p) { take(p, out); });
+      for_patches(level_, [&](const Patch& p) { take(p, out.last_error); });
+      add_typical(out.typical);
       close_bounds();
-      if (level_ > 0) for_patches(level_ - 1, [&](const Patch& p) { cover(p); });
       close_weights();
       uint16_t* codes = out.codes.data() + levels_[static_cast<size_t>(level_)].first_edge;
       for (size_t i = 0; i < edges; ++i) {
@@ -82,7 +82,7 @@ class Closure {
   size_t index(const Patch& p, Edge e) const { return static_cast<size_t>(layout_.edge(p, e)); }
 
   /// What was measured in a patch, and what its children need.
-  void take(const Patch& p, Closed& out) {
+  void take(const Patch& p, double last_error_of) {
     const int64_t id = layout_.id(p);
     for (const Edge e : kEdges) {
       const size_t i = index(p, e);
@@ -95,7 +95,7 @@ class Closure {
         weight_[i] = std::max(weight_[i], child_low);
       };
       if (level_ + 1 == layout_.levels) {
-        const int finest = code_of(level_, out.last_error);
+        const int finest = code_of(level_, last_error_of);
         if (finest > 0) raise(finest + octaves);
         continue;
       }
@@ -104,37 +104,35 @@ class Closure {
         if (!inner) weight_[i] = std::max(weight_[i], child_weight_[static_cast<size_t>(child)]);
       });
     }
+  }
+
+  /// The largest error in a patch with all its edges at one resolution.
+  float uniform(const Patch& p, int k) const {
+    float worst = 0.0f;
+    if (k == finest_ && p.level + 1 < layout_.levels) {
+      const int branch = layout_.branch_log2();
+      const Level& next = levels_[static_cast<size_t>(p.level + 1)];
+      for (int64_t y = p.y << branch; y < std::min((p.y + 1) << branch, next.down); ++y) {
+        for (int64_t x = p.x << branch; x < std::min((p.x + 1) << branch, next.across); ++x)
+          worst = std::max(worst, uniform({p.level + 1, y, x}, 0));
+      }
+      return worst;
+    }
+    for (const Edge e : kEdges) worst = std::max(worst, errors_.at(layout_.id(p), e, k));
+    return worst;
+  }
+
+  void add_typical(std::vector<double>& out) const {
     const double patches = static_cast<double>(layout_.first(level_ + 1) - layout_.first(level_));
     for (int k = 0; k <= finest_; ++k) {
-      double error = 0.0;
-      for (const Edge e : kEdges) error = std::max(error, static_cast<double>(errors_.at(id, e, k)));
-      out.typical[static_cast<size_t>(level_ * layout_.resolutions + k)] += error / patches;
+      double sum = 0.0;
+      for_patches(level_, [&](const Patch& p) { sum += uniform(p, k); });
+      out[static_cast<size_t>(level_ * layout_.resolutions + k)] = sum / patches;
     }
   }
 
   void close_bounds() {
     for (size_t i = 0; i < low_.size(); ++i) low_[i] = std::max(low_[i], mid_[i]);
-  }
-
-  /// Raises a bound inside the tiles of a patch of the level above where the children's are not enough for
-  /// the patch at its finest: the cells are the same there, but some are cut the other way.
-  void cover(const Patch& above) {
-    for (const Edge e : kEdges) {
-      const float error = errors_.at(layout_.id(above), e, finest_);
-      if (error == 0.0f) continue;
-      int most = 0, most_inner = -1;
-      size_t at = 0;
-      for_child_edges(layout_, above, e, [&](int64_t child, bool inner) {
-        const int low = low_[static_cast<size_t>(child)];
-        most = std::max(most, low);
-        if (inner && low > most_inner) {
-          most_inner = low;
-          at = static_cast<size_t>(child);
-        }
-      });
-      const int wanted = code_of(level_, error);
-      if (most < wanted) low_[at] = wanted;
-    }
   }
 
   void close_weights() {

@@ -233,18 +233,16 @@ Measurer::Measurer(const Layout& layout, const PatchMesh& mesh, const Pyramid& p
 
 Measurer::~Measurer() = default;
 
-void Measurer::measure(const HeightRows& rows, const Share& share, int least, PatchErrors& out) {
+void Measurer::measure(const HeightRows& rows, const Share& share, int least, int end, PatchErrors& out) {
   Scratch& s = *scratch_;
   const Patch& p = share.patch;
   const int64_t id = s.layout.id(p), side = int64_t{1} << s.layout.side_log2(p.level);
   const int64_t last_row = s.layout.row(p) + side, last_col = s.layout.col(p) + side;
-  // At stride 1 every sample is a vertex.
-  const int exact = s.layout.stride_log2(p.level) == 0 ? 1 : 0;
   s.prepare(rows, p, least);
   const bool whole = last_row <= s.layout.last_row() && last_col <= s.layout.last_col() &&
                      share.first == s.layout.row(p) && share.end == last_row + 1;
   if (whole) s.turn(rows, p);
-  for (int k = least; k < s.layout.resolutions - exact; ++k) {
+  for (int k = least; k < end; ++k) {
     if (whole) {
       for_pieces(s.mesh, kSouth, k, [&](const std::vector<Triangle>& piece) {
         const Worst<Four> worst = s.measure_four(p, piece);

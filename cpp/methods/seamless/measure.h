@@ -15,7 +15,9 @@
 
 namespace lodlab::seamless {
 
-/// For each patch, edge and resolution the largest distance on the patch's own side of the edge.
+/// For each patch, edge and resolution the largest distance on the patch's own side of the edge. At its
+/// finest a patch is drawn as its children at their coarsest are, cell by cell: there nothing is measured but
+/// at the last level.
 struct PatchErrors {
   explicit PatchErrors(const Layout& layout)
       : resolutions(layout.resolutions), values(static_cast<size_t>(layout.patches() * 4 * resolutions)) {}
@@ -41,9 +43,9 @@ class Measurer {
   Measurer(const Layout& layout, const PatchMesh& mesh, const Pyramid& pyramid);
   ~Measurer();
 
-  /// Raises the errors of a patch by what its samples in these rows say, for resolutions from `least` on.
-  /// Rounded up. Threads may measure the rows of one patch at once: the sum of shares is the same.
-  void measure(const HeightRows& rows, const Share& share, int least, PatchErrors& out);
+  /// Raises the errors of a patch by what its samples in these rows say, for resolutions [least, end).
+  /// Rounded up. Threads may measure rows of one patch at once: what comes of all shares is the same.
+  void measure(const HeightRows& rows, const Share& share, int least, int end, PatchErrors& out);
 
  private:
   struct Scratch;
