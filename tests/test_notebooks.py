@@ -24,6 +24,7 @@ QUANTITIES = {
         "draw time, whole path",
         "screen error, mean",
     },
+    "seamless": {"triangles", "traversed", "rendered", "culled", "CPU", "GPU", "crack edges", "beyond prediction"},
 }
 COLUMNS = "paper,table,row,quantity,unit,paper_value,our_value,source,method,options,device,scale".split(",")
 

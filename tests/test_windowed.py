@@ -108,6 +108,19 @@ def test_bands_build_the_store_that_the_whole_builds(tmp_path, spec, options):
     assert asked <= 1.1 * times * field.shape[0], "rows were read more often than they are needed"
 
 
+@pytest.mark.parametrize(
+    "options", [{}, {"finest_error": 2.0}, {"resolutions": 3}, {"pyramid": "average"}, {"patch": 8, "resolutions": 3}]
+)
+@pytest.mark.parametrize("size", [257, 300, 700])
+def test_bands_build_the_patches_that_the_whole_builds(tmp_path, size, options):
+    field = datasets.load(f"fractal:size={size}")
+    stores = [
+        _core.build(given, "seamless", tmp_path / f"{k}.lod", options)
+        for k, given in enumerate((field.core, native(field, 1 << 23)))
+    ]
+    assert stores[0].info()["content_hash"] == stores[1].info()["content_hash"]
+
+
 def test_a_stopped_build_by_bands_goes_on(tmp_path):
     field = datasets.load("fractal:size=700")
     options = {"chart": 64, "levels": 3, "node_resolution": 32}

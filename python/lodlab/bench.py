@@ -78,43 +78,51 @@ def _draw(lab: Lab) -> Iterable[Record]:
 # ---- select ---------------------------------------------------------------------------------------
 
 
-def _pixel_error_for(session: Any, views: Sequence[Any], chunks: int) -> float:
-    """The pixel error at which the median frame draws about so many chunks (bisection in its logarithm)."""
+def _pixel_error_for(session: Any, views: Sequence[Any], nodes: int) -> float:
+    """The pixel error at which the median frame draws about so many nodes (bisection in its logarithm)."""
     low, high = 0.05, 500.0
     for _ in range(24):
         middle = math.sqrt(low * high)
         seen = [session.select(v, _core.Budget(pixel_error=middle)).visible_nodes for v in views]
-        if np.median(seen) > chunks:
+        if np.median(seen) > nodes:
             low = middle
         else:
             high = middle
     return high
 
 
+# Case, side of the fractal, method, its options of build and draw: each at about fifty nodes drawn.
+SELECTED = (
+    ("chunked/fractal-2049", 2049, "chunked", {}, {}),
+    ("chunked/fractal-4097", 4097, "chunked", {"finest_error": 0.25}, {}),
+    ("seamless/fractal-4097", 4097, "seamless", {}, {}),
+    ("seamless/fractal-4097/distance", 4097, "seamless", {}, {"metric": "distance"}),
+)
+
+
 def _select(lab: Lab) -> Iterable[Record]:
-    """Microseconds of one select along the moving flyover, beside a plain scan over all chunks."""
-    for size in (2049, 4097):
+    """Microseconds of one select along the moving flyover, beside a plain scan over all nodes."""
+    for case, size, method, build, draw in SELECTED:
         spec = f"fractal:size={size},seed={SEED}"
-        options = {"finest_error": 0.25} if size == 4097 else {}
-        store = lab.store(spec, "chunked", **options)
-        session = store.session(DRAW_OPTIONS)
+        store = lab.store(spec, method, **build)
+        session = store.session(DRAW_OPTIONS | draw)
         views = lab.views(spec, 120)
         pixel_error = _pixel_error_for(session, views, 50)
         budget = _core.Budget(pixel_error=pixel_error)
-        lab.say(f"select chunked/fractal-{size}")
+        lab.say(f"select {case}")
         yield select_case(
-            f"chunked/fractal-{size}",
+            case,
             session,
             store,
             views,
             budget,
-            "test of every chunk without a hierarchy",
+            "test of every node without a hierarchy",
             pixel_error,
-            DRAW_OPTIONS,
-            lambda times, chunks, store=store, pixel_error=pixel_error: {
-                "chunks_drawn": float(np.median(chunks)),
-                "chunks_drawn_max": int(np.max(chunks)),
-                "chunks_in_store": len(store.nodes),
+            DRAW_OPTIONS | draw,
+            lambda times, nodes, store=store, pixel_error=pixel_error: {
+                "nodes_drawn": float(np.median(nodes)),
+                "nodes_drawn_max": int(np.max(nodes)),
+                "nodes_in_store": len(np.unique(store.nodes["id"])),
                 "pixel_error": pixel_error,
                 "p95_us": float(np.percentile(times, 95)),
             },

@@ -26,6 +26,7 @@ struct Random {
 struct Field {
   FieldFrame frame;
   Layout layout;
+  std::vector<Level> levels;
 
   Field(int resolutions, double dx, double dy) {
     layout.patch_log2 = 4;
@@ -38,6 +39,7 @@ struct Field {
     frame.cols = layout.cols;
     frame.dx = dx;
     frame.dy = dy;
+    levels = make_levels(layout, frame);
   }
   double length(int level) const {
     return static_cast<double>(int64_t{1} << layout.side_log2(level)) * std::max(frame.dx, frame.dy);
@@ -57,24 +59,23 @@ Verdict judge(const Field& field, const Metric& metric, double rho, double away,
               const Weights& w) {
   const Layout& layout = field.layout;
   const Distances distances(field.frame, eye, metric.nearest);
-  const Precision precision{rho, away};
   const auto reach = [&](const std::array<double, 4>& weight, int level) {
     Reach out;
     for (size_t i = 0; i < 4; ++i) out[i] = (metric.base() + rho * weight[i]) * field.length(level);
     return out;
   };
   const Patch west{0, 0, 0}, east{0, 0, 1};
-  const auto from_west = distances.of(layout, west), from_east = distances.of(layout, east);
-  const Reach whole = reach(w.stays, 0);
-  if (splits(whole, from_west, precision) || !splits(reach(w.parted, 0), from_east, precision))
-    return Verdict::kNoPair;
-  const int k = resolution(whole[kEast], from_west[kEast], precision, layout.resolutions);
+  const auto edges = [&](const std::array<double, 4>& weight, const Patch& p) {
+    return Edges(reach(weight, p.level), distances.of(field.levels[static_cast<size_t>(p.level)], p), away);
+  };
+  const Edges whole = edges(w.stays, west);
+  if (whole.split() || !edges(w.parted, east).split()) return Verdict::kNoPair;
+  const int k = whole.resolution(kEast, layout.resolutions);
   for (size_t i = 0; i < w.children.size(); ++i) {
     const Patch child{1, static_cast<int64_t>(i), int64_t{1} << layout.branch_log2()};
-    const auto distance = distances.of(layout, child);
-    const Reach part = reach(w.children[i], 1);
-    if (splits(part, distance, precision)) return Verdict::kDisagree;
-    const int there = resolution(part[kWest], distance[kWest], precision, layout.resolutions);
+    const Edges part = edges(w.children[i], child);
+    if (part.split()) return Verdict::kDisagree;
+    const int there = part.resolution(kWest, layout.resolutions);
     if (layout.stride_log2(0, k) != layout.stride_log2(1, there)) return Verdict::kDisagree;
   }
   return Verdict::kAgree;
@@ -211,7 +212,7 @@ TEST_CASE("a counterexample: weights that a patch is free to choose") {
 TEST_CASE("an eye on an edge, or on a vertex, is at distance 0: the patch splits") {
   const Field field(2, 1.0, 1.0);
   const Distances distances(field.frame, {64.0, -64.0, 0.0}, true);
-  const auto d = distances.of(field.layout, {0, 0, 0});
+  const auto d = distances.of(field.levels[0], {0, 0, 0});
   CHECK(d[kEast] == 0.0);
-  CHECK(splits({1.0, 1.0, 1.0, 1.0}, d, Precision{}));
+  CHECK(Edges({1.0, 1.0, 1.0, 1.0}, d, 0.0).split());
 }

@@ -23,13 +23,23 @@ Options draw_options(const OptionValues& given) {
   return resolve_options(info.name, info.options, Stage::kDraw, given);
 }
 
+/// Its file stays, for threads that read it.
+struct OnDisk {
+  testing::TemporaryFolder folder;
+  std::shared_ptr<const seamless::Hierarchy> hierarchy;
+
+  OnDisk(const Field& field, const OptionValues& options)
+      : hierarchy(std::dynamic_pointer_cast<const seamless::Hierarchy>(seamless_method().open(
+            build_store({field}, seamless_method(), options, folder / "a.lod", BuildMode::kNew, {})))) {}
+};
+
 struct Pager {
-  Opened opened;
+  OnDisk opened;
   PatchMesh mesh;
   Paging paging;
 
   Pager(const Field& field, const OptionValues& build, const OptionValues& draw)
-      : opened(open({field}, build)),
+      : opened(field, build),
         mesh(opened.hierarchy->layout.patch_log2, opened.hierarchy->layout.resolutions),
         paging(opened.hierarchy, mesh, draw_options(draw)) {
     paging.admit(0, true, 0.0);
@@ -135,7 +145,7 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
   const Field field = flat(513, 513, 1);
   const instrument::SampleGrid grid(*field);
   for (const int64_t resolutions : {2, 3}) {
-    const Opened opened = open({field}, shape(8, resolutions));
+    const OnDisk opened(field, shape(8, resolutions));
     constexpr int64_t kUpload = 64 << 10;
     const auto session =
         opened.hierarchy->session(draw_options({{"gpu_cache_mb", int64_t{1}}, {"upload_bytes", kUpload}}));
@@ -171,7 +181,7 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
 }
 
 TEST_CASE("a cut of more patches than memory holds is drawn in rounds") {
-  const Opened opened = open({flat(513, 513, 1)}, shape(8, 2));
+  const OnDisk opened(flat(513, 513, 1), shape(8, 2));
   const auto session =
       opened.hierarchy->session(draw_options({{"gpu_cache_mb", int64_t{1}}, {"stream", false}}));
   const Cut cut = session->audit_cuts().back();
@@ -187,7 +197,7 @@ TEST_CASE("a cut of more patches than memory holds is drawn in rounds") {
 }
 
 TEST_CASE("caches that are too small are refused with the least that will do") {
-  const Opened opened = open({flat(300, 300, 1)}, shape(64, 3));
+  const OnDisk opened(flat(300, 300, 1), shape(64, 3));
   const auto says = [&](const OptionValues& values) -> std::string {
     try {
       opened.hierarchy->session(draw_options(values));

@@ -211,7 +211,8 @@ std::optional<Cut> SeamlessSession::random_cut(uint64_t seed) const {
   view.target = view.eye + glm::dvec3(0.0, 1.0, 0.0);
   const Projector projector(projection_, make_camera(view));
   const Metric metric{};
-  Selector selector(*hierarchy_, mesh_, metric, projector, nullptr);
+  Selector::Scratch scratch;
+  Selector selector(*hierarchy_, mesh_, metric, projector, nullptr, scratch);
   const double weight = std::max(hierarchy_->book().largest(), 1e-300);
   const double fineness =
       random() % 4 == 0 ? selector.coarsest() * uniform(0.0, 1.0) : std::exp2(uniform(-6.0, 8.0)) / weight;

@@ -65,10 +65,6 @@ std::vector<Triangle> make_half(Edge e, Side at_side, int k, int diagonal, int s
 
 }  // namespace
 
-int pack(const Resolutions& k, int resolutions) {
-  return ((k[3] * resolutions + k[2]) * resolutions + k[1]) * resolutions + k[0];
-}
-
 Resolutions unpack(int packed, int resolutions) {
   Resolutions k;
   for (int& one : k) {
@@ -128,8 +124,7 @@ int PatchMesh::count(int piece_index, int clip_x, int clip_y) const {
   return known;
 }
 
-int64_t PatchMesh::triangles(const Resolutions& k, int clip_x, int clip_y) const {
-  if (clip_x == segments() && clip_y == segments()) return whole_[static_cast<size_t>(pack(k, resolutions_))];
+int64_t PatchMesh::clipped_triangles(const Resolutions& k, int clip_x, int clip_y) const {
   int64_t sum = 0;
   for (const int i : pieces_of(k)) sum += count(i, clip_x, clip_y);
   return sum;

@@ -31,7 +31,9 @@ using Triangle = std::array<Vertex, 3>;
 using Resolutions = std::array<int, 4>;
 
 /// The four as one number, and back: what a cut calls the resolution of a patch.
-int pack(const Resolutions& k, int resolutions);
+inline int pack(const Resolutions& k, int resolutions) {
+  return ((k[3] * resolutions + k[2]) * resolutions + k[1]) * resolutions + k[0];
+}
 Resolutions unpack(int packed, int resolutions);
 /// How many such numbers there are.
 int packed_count(int resolutions);
@@ -57,7 +59,10 @@ class PatchMesh {
   static Edge next(Edge e) { return static_cast<Edge>((e + 3) % 4); }
 
   /// Triangles of a patch that are there when lattice lines from clip_x and clip_y on sit on the border.
-  int64_t triangles(const Resolutions& k, int clip_x, int clip_y) const;
+  int64_t triangles(const Resolutions& k, int clip_x, int clip_y) const {
+    const bool whole = clip_x == segments() && clip_y == segments();
+    return whole ? whole_[static_cast<size_t>(pack(k, resolutions_))] : clipped_triangles(k, clip_x, clip_y);
+  }
 
   /// All pieces, numbered: for counts and index ranges.
   int pieces() const { return static_cast<int>(tiles_.size() + halves_.size()); }
@@ -77,6 +82,7 @@ class PatchMesh {
     return static_cast<size_t>(((e * 2 + static_cast<int>(side)) * resolutions_ + k) * resolutions_ +
                                diagonal);
   }
+  int64_t clipped_triangles(const Resolutions& k, int clip_x, int clip_y) const;
   int count(int piece, int clip_x, int clip_y) const;
 
   int patch_log2_, resolutions_;

@@ -42,48 +42,63 @@ struct Precision {
 class Distances {
  public:
   Distances(const FieldFrame& frame, const glm::dvec3& eye, bool nearest)
-      : dx_(frame.dx),
-        dy_(frame.dy),
-        east_(eye.x - frame.x0),
+      : east_(eye.x - frame.x0),
         south_(frame.y0 - eye.y),
         above_(square(std::max(0.0, eye.z - frame.z_max))),
         nearest_(nearest) {}
 
-  std::array<double, 4> of(const Layout& layout, const Patch& p) const {
-    const int side = layout.side_log2(p.level);
-    const double north = south_ - static_cast<double>(p.y << side) * dy_;
-    const double south = south_ - static_cast<double>((p.y + 1) << side) * dy_;
-    const double west = east_ - static_cast<double>(p.x << side) * dx_;
-    const double east = east_ - static_cast<double>((p.x + 1) << side) * dx_;
+  /// Squared. Widths are whole powers of two of a spacing, so that an edge lies at the same number at any
+  /// level.
+  std::array<double, 4> of(const Level& level, const Patch& p) const {
+    const double north = south_ - static_cast<double>(p.y) * level.height;
+    const double south = south_ - static_cast<double>(p.y + 1) * level.height;
+    const double west = east_ - static_cast<double>(p.x) * level.width;
+    const double east = east_ - static_cast<double>(p.x + 1) * level.width;
     const double beside_x = nearest_ ? std::max({-west, east, 0.0}) : 0.5 * (west + east);
     const double beside_y = nearest_ ? std::max({-north, south, 0.0}) : 0.5 * (north + south);
     const std::array<double, 4> across{north, east, south, west},
         along{beside_x, beside_y, beside_x, beside_y};
     std::array<double, 4> out;
-    for (size_t i = 0; i < 4; ++i) out[i] = std::sqrt(square(across[i]) + square(along[i]) + above_);
+    for (size_t i = 0; i < 4; ++i) out[i] = square(across[i]) + square(along[i]) + above_;
     return out;
   }
 
  private:
   static double square(double x) { return x * x; }
 
-  double dx_, dy_, east_, south_, above_;
+  double east_, south_, above_;
   bool nearest_;
 };
 
 /// (base + rho w) l of a patch's edges: epsilon times the distance.
 using Reach = std::array<double, 4>;
 
-inline bool splits(const Reach& reach, const std::array<double, 4>& distance, const Precision& precision) {
-  bool any = false;
-  for (size_t i = 0; i < 4; ++i) any |= reach[i] > distance[i] + precision.away;
-  return any;
-}
+/// The two sides of epsilon's fraction for each edge of a patch, both squared where that saves the roots.
+struct Edges {
+  Reach reach;
+  std::array<double, 4> from;
+  double half;  ///< that of epsilon
 
-/// The resolution of an edge of a patch that does not split.
-inline int resolution(double reach, double distance, const Precision& precision, int resolutions) {
-  const double from = distance + precision.away;
-  return resolutions == 2 ? reach > 0.5 * from : (reach > 0.25 * from) + (reach > 0.5 * from);
-}
+  Edges(const Reach& far, const std::array<double, 4>& squares, double away)
+      : reach(far), from(squares), half(0.25) {
+    if (away == 0.0) {
+      for (double& r : reach) r *= r;
+    } else {
+      half = 0.5;
+      for (double& d : from) d = std::sqrt(d) + away;
+    }
+  }
+
+  bool split() const {
+    bool any = false;
+    for (size_t i = 0; i < 4; ++i) any |= reach[i] > from[i];
+    return any;
+  }
+  /// The resolution of an edge of a patch that does not split.
+  int resolution(size_t i, int resolutions) const {
+    const int fine = reach[i] > half * from[i];
+    return resolutions == 2 ? fine : fine + (reach[i] > half * half * from[i]);
+  }
+};
 
 }  // namespace lodlab::seamless

@@ -24,7 +24,7 @@ double SeamlessSession::within(Selector& selector, const Budget& budget, double 
 Cut SeamlessSession::select(const View& view, const Budget& budget) {
   const Camera camera = make_camera(view);
   const Projector projector(projection_, camera);
-  Selector selector(*hierarchy_, mesh_, metric_, projector, &camera);
+  Selector selector(*hierarchy_, mesh_, metric_, projector, &camera, scratch_);
   const double asked = fineness(selector, budget);
   if (paging_->streams()) ask_for(selector, asked, camera.eye);
   const double drawn = paging_->streams() ? stand_in(selector, budget, asked) : asked;
@@ -33,6 +33,7 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
   collect(selector, Precision::of(drawn), cut);
+  scratch_.leaves = cut.nodes.size();
   if (paging_->streams()) {
     for (const CutNode& picked : cut.nodes) {
       if (picked.visible) paging_->touch(picked.node, 2.0);
@@ -93,10 +94,10 @@ void SeamlessSession::ask_for(Selector& selector, double asked, const glm::dvec3
 
 void SeamlessSession::collect(Selector& selector, const Precision& precision, Cut& cut) const {
   const Layout& layout = hierarchy_->layout;
-  cut.nodes.reserve(256);
+  cut.nodes.reserve(scratch_.leaves + scratch_.leaves / 4);
   selector.traverse(precision, Selector::Scope::kWhole, [&](const Selector::Active& a) {
     const Patch& p = a.patch;
-    const double error = selector.error(p, a.k);
+    const double error = a.visible ? selector.error(p, a.k) : selector.unseen_error(a);
     const bool missing = a.visible && selector.blocked(p, precision);
     cut.nodes.push_back({static_cast<uint32_t>(hierarchy_->id(p)),
                          static_cast<uint32_t>(pack(a.k, layout.resolutions)), 1.0f, a.visible, missing,

@@ -6,15 +6,18 @@
 namespace lodlab::seamless {
 
 Selector::Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metric& metric,
-                   const Projector& projector, const Camera* camera)
+                   const Projector& projector, const Camera* camera, Scratch& scratch)
     : hierarchy_(hierarchy),
       layout_(hierarchy.layout),
+      levels_(hierarchy.level.data()),
       mesh_(mesh),
       metric_(metric),
       codes_(metric.roughness ? hierarchy.codes().data() : nullptr),
       projector_(projector),
       distances_(hierarchy.frame, projector.eye, metric.nearest),
-      all_planes_(camera != nullptr ? 0x1f : 0) {
+      all_planes_(camera != nullptr ? 0x1f : 0),
+      here_(scratch.here),
+      parted_(scratch.parted) {
   if (camera == nullptr) return;
   const FieldFrame& f = hierarchy.frame;
   for (size_t i = 0; i < planes_.size(); ++i) {
@@ -93,8 +96,8 @@ void Selector::push_children() {
 }
 
 void Selector::block(const Patch& p, const Precision& precision) {
-  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
-  const Reach far = reach(p, precision.rho);
+  const Level& level = level_of(p);
+  const Reach far = reach(p, weights(p), precision.rho);
   const double most = *std::max_element(far.begin(), far.end()) * (1.0 + 1e-9);
   blocks_.push_back({(static_cast<double>(p.x) + 0.5) * level.width,
                      (static_cast<double>(p.y) + 0.5) * level.height,
@@ -103,29 +106,33 @@ void Selector::block(const Patch& p, const Precision& precision) {
 
 bool Selector::blocked(const Patch& p, const Precision& precision) const {
   return !blocks_.empty() && p.level + 1 < layout_.levels &&
-         splits(reach(p, precision.rho), distances_.of(layout_, p), precision);
+         Edges(reach(p, weights(p), precision.rho), distances_.of(level_of(p), p), precision.away).split();
 }
 
 /// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
 /// distances, this is the same from both sides, no less for a part of an edge, and differs by no more than l
 /// between a patch's edges.
-void Selector::push_away(const Patch& p, std::array<double, 4>& distance) const {
-  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+std::array<double, 4> Selector::pushed_away(const Patch& p) const {
+  std::array<double, 4> squares = distances_.of(level_of(p), p);
+  const Level& level = level_of(p);
   const double west = static_cast<double>(p.x) * level.width,
                east = static_cast<double>(p.x + 1) * level.width;
-  const double north = static_cast<double>(p.y) * level.height,
-               south = static_cast<double>(p.y + 1) * level.height;
+  const double north = static_cast<double>(p.y) * level.height;
+  const double south = static_cast<double>(p.y + 1) * level.height;
   for (const Block& b : blocks_) {
     const auto from = [&](double x, double y) {
       return std::sqrt((x - b.east) * (x - b.east) + (y - b.south) * (y - b.south));
     };
     const double nw = from(west, north), ne = from(east, north), se = from(east, south),
                  sw = from(west, south);
-    distance[kNorth] = std::max(distance[kNorth], b.distance - std::max(nw, ne));
-    distance[kEast] = std::max(distance[kEast], b.distance - std::max(ne, se));
-    distance[kSouth] = std::max(distance[kSouth], b.distance - std::max(se, sw));
-    distance[kWest] = std::max(distance[kWest], b.distance - std::max(sw, nw));
+    const std::array<double, 4> farther{std::max(nw, ne), std::max(ne, se), std::max(se, sw),
+                                        std::max(sw, nw)};
+    for (size_t i = 0; i < 4; ++i) {
+      const double least = std::max(b.distance - farther[i], 0.0);
+      squares[i] = std::max(squares[i], least * least);
+    }
   }
+  return squares;
 }
 
 double Selector::coarsest() const { return metric_.roughness ? -8.0 * hierarchy_.level.front().length : 0.0; }
@@ -137,7 +144,7 @@ double Selector::coarser(double fineness) const {
 }
 
 double Selector::needed(const Patch& p, double weight, double distance, double threshold) const {
-  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length;
+  const double length = level_of(p).length;
   constexpr double kBeyond = 1.0 + 1e-9;  // the least precision lies at equality; a hair above it
   const double away = metric_.base() * length / (threshold * kBeyond) - distance;
   if (away > 0.0) return -away;
@@ -145,15 +152,15 @@ double Selector::needed(const Patch& p, double weight, double distance, double t
   return std::max(0.0, (threshold * kBeyond * distance / length - metric_.base()) / weight * kBeyond);
 }
 
-std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>& weight,
-                                     const std::array<double, 4>& distance, const Precision& precision,
+std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>& weight, const Edges& edges,
                                      double tau) const {
   const double allowed = projector_.inverse(tau, place(p));
-  const Reach far = reach(p, weight, precision.rho);
   const int top = layout_.resolutions - 1;
   Resolutions k;
-  for (size_t i = 0; i < 4; ++i) k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+  for (size_t i = 0; i < 4; ++i) k[i] = edges.resolution(i, layout_.resolutions);
   if (error(p, k) <= allowed) return std::nullopt;
+  std::array<double, 4> distance = distances_.of(level_of(p), p);
+  for (double& d : distance) d = std::sqrt(d);
   double split = std::numeric_limits<double>::infinity();
   if (p.level + 1 < layout_.levels) {
     for (size_t i = 0; i < 4; ++i) split = std::min(split, needed(p, weight[i], distance[i], 1.0));
@@ -190,12 +197,11 @@ double Selector::fineness_for(double tau) {
 
 /// Raises the fineness to what a visible patch asks for; true when it then splits.
 bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
-  const std::array<double, 4> distance = distances(p), weight = weights(p);
+  const std::array<double, 4> weight = weights(p);
   for (;;) {
-    const Precision precision = Precision::of(fineness);
-    if (p.level + 1 < layout_.levels && splits(reach(p, weight, precision.rho), distance, precision))
-      return true;
-    const std::optional<double> more = asks(p, weight, distance, precision, tau);
+    const Edges seen = edges(p, weight, Precision::of(fineness));
+    if (p.level + 1 < layout_.levels && seen.split()) return true;
+    const std::optional<double> more = asks(p, weight, seen, tau);
     if (!more || *more <= fineness) return false;
     fineness = *more;
   }

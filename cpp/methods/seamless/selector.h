@@ -16,14 +16,26 @@ namespace lodlab::seamless {
 
 class Selector {
  public:
+  /// A patch on the way down; bits of `planes` are planes of the frustum that may cut it.
+  struct Step {
+    Patch patch;
+    uint8_t planes;
+  };
+  /// Memory that frames use again.
+  struct Scratch {
+    std::vector<Step> here, parted;
+    size_t leaves = 0;  ///< of the last cut
+  };
+
   /// `camera`: null sees everything.
   Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metric& metric,
-           const Projector& projector, const Camera* camera);
+           const Projector& projector, const Camera* camera, Scratch& scratch);
 
   struct Active {
     Patch patch;
     Resolutions k;
     bool visible;
+    std::array<double, 4> weight;  ///< of its edges
   };
   enum class Scope { kWhole, kVisible };
   /// Calls leaf(Active) for every patch of the cut at a precision, or every visible one, until it returns
@@ -39,6 +51,8 @@ class Selector {
 
   /// Bound of a patch as drawn, source units, and as pixels. With `metric=distance` what is typical.
   double error(const Patch& p, const Resolutions& k) const;
+  /// The same of a patch that nobody sees: a bound at any resolutions, which its weights are, and cheap.
+  double unseen_error(const Active& a) const;
   double pixels(const Patch& p, double error) const;
   /// Everything at its coarsest: the root alone.
   double coarsest() const;
@@ -56,21 +70,16 @@ class Selector {
   int64_t traversed = 0;  ///< patches looked at, by all of the above
 
  private:
-  /// A patch on the way down; bits of `planes` are planes of the frustum that may cut it.
-  struct Step {
-    Patch patch;
-    uint8_t planes;
-  };
   static constexpr uint8_t kOutside = 0xff;
 
-  std::array<double, 4> distances(const Patch& p) const {
-    std::array<double, 4> out = distances_.of(layout_, p);
-    if (!blocks_.empty()) push_away(p, out);
-    return out;
+  Edges edges(const Patch& p, const std::array<double, 4>& weight, const Precision& precision) const {
+    const Reach far = reach(p, weight, precision.rho);
+    if (blocks_.empty()) return {far, distances_.of(level_of(p), p), precision.away};
+    return {far, pushed_away(p), precision.away};
   }
-  void push_away(const Patch& p, std::array<double, 4>& distance) const;
+  /// Squared distances of a patch's edges, with what is blocked.
+  std::array<double, 4> pushed_away(const Patch& p) const;
   uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
-  Reach reach(const Patch& p, double rho) const { return reach(p, weights(p), rho); }
   Reach reach(const Patch& p, const std::array<double, 4>& weight, double rho) const;
   bool parts_for(const Patch& p, double tau, double& fineness) const;
   std::array<double, 4> weights(const Patch& p) const;
@@ -78,8 +87,7 @@ class Selector {
   /// The fineness at which an edge's epsilon exceeds a threshold.
   double needed(const Patch& p, double weight, double distance, double threshold) const;
   /// What a visible patch at this precision asks for in order to be within tau; nothing when it is.
-  std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight,
-                             const std::array<double, 4>& distance, const Precision& precision,
+  std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight, const Edges& edges,
                              double tau) const;
   /// To `here_`, those of `parted_`, a row of patches after the other.
   void push_children();
@@ -89,8 +97,11 @@ class Selector {
   /// What makes a fineness one of about 1.
   double gain() const { return metric_.roughness ? std::max(hierarchy_.book().largest(), 1e-300) : 1024.0; }
 
+  const Level& level_of(const Patch& p) const { return levels_[p.level]; }
+
   const Hierarchy& hierarchy_;
   const Layout& layout_;
+  const Level* levels_;
   const PatchMesh& mesh_;
   Metric metric_;
   const uint16_t* codes_;
@@ -102,7 +113,7 @@ class Selector {
   };
   std::array<Plane, 5> planes_;
   uint8_t all_planes_;
-  std::vector<Step> here_, parted_;
+  std::vector<Step>&here_, &parted_;
   /// A place that counts as so far away, other places as nearer by their distance from it. Source units, from
   /// the field's first sample.
   struct Block {
@@ -113,7 +124,7 @@ class Selector {
 
 inline std::array<double, 4> Selector::weights(const Patch& p) const {
   if (codes_ == nullptr) return {1.0, 1.0, 1.0, 1.0};
-  const Level& level = hierarchy_.level[static_cast<size_t>(p.level)];
+  const Level& level = level_of(p);
   const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
   const uint16_t* down =
       codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
@@ -123,10 +134,16 @@ inline std::array<double, 4> Selector::weights(const Patch& p) const {
 }
 
 inline Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
-  const double length = hierarchy_.level[static_cast<size_t>(p.level)].length, base = metric_.base();
+  const double length = level_of(p).length, base = metric_.base();
   Reach out;
   for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
   return out;
+}
+
+inline double Selector::unseen_error(const Active& a) const {
+  if (!metric_.roughness) return error(a.patch, a.k);
+  return *std::max_element(a.weight.begin(), a.weight.end()) *
+         hierarchy_.level[static_cast<size_t>(a.patch.level)].length;
 }
 
 /// Level by level, each row by row: leaves come in the order of their ids.
@@ -140,15 +157,14 @@ void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
       if (scope == Scope::kVisible && step.planes == kOutside) continue;
       ++traversed;
       const Patch& p = step.patch;
-      const std::array<double, 4> distance = distances(p);
-      const Reach far = reach(p, precision.rho);
-      if (p.level + 1 < layout_.levels && splits(far, distance, precision)) {
+      const std::array<double, 4> weight = weights(p);
+      const Edges seen = edges(p, weight, precision);
+      if (p.level + 1 < layout_.levels && seen.split()) {
         parted_.push_back(step);
         continue;
       }
-      Active active{p, {}, step.planes != kOutside};
-      for (size_t i = 0; i < 4; ++i)
-        active.k[i] = resolution(far[i], distance[i], precision, layout_.resolutions);
+      Active active{p, {}, step.planes != kOutside, weight};
+      for (size_t i = 0; i < 4; ++i) active.k[i] = seen.resolution(i, layout_.resolutions);
       if (!leaf(active)) return;
     }
     here_.clear();

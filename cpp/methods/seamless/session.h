@@ -8,12 +8,11 @@
 
 #include "method/projector.h"
 #include "methods/seamless/hierarchy.h"
-#include "methods/seamless/metric.h"
+#include "methods/seamless/selector.h"
 
 namespace lodlab::seamless {
 
 class Paging;
-class Selector;
 
 class SeamlessSession : public Session {
  public:
@@ -50,6 +49,7 @@ class SeamlessSession : public Session {
   PatchMesh mesh_;
   bool parts_;  ///< colours by level tell strips from tiles
   std::unique_ptr<Paging> paging_;
+  Selector::Scratch scratch_;
   std::vector<int64_t> parents_;  // scratch of a frame
   std::shared_ptr<Gpu> gpu_;      // knows how to delete what only draw.cpp knows
 };
