@@ -118,7 +118,7 @@ std::optional<MapMemory::Rows> MapMemory::rows(const MapPatch& patch, render::Su
 void MapMemory::admit_wanted(int64_t most_bytes, render::Submitted& submitted) {
   for (size_t i = 0; i < maps_.size(); ++i) {
     for (const Residency::Want& want : paging_.residency(i).wanted()) {
-      if (submitted.upload_bytes >= most_bytes) return;
+      if (submitted.upload_bytes + paging_.maps().all()[i].tiles.bytes() > most_bytes) return;
       maps_[i].admit(want, submitted);
     }
   }

@@ -71,7 +71,8 @@ class MapMemory {
 
   /// Nothing when this frame uses all the memory that there is.
   std::optional<Rows> rows(const MapPatch& patch, render::Submitted& submitted);
-  /// What arrived meanwhile becomes resident for the next frame, until this frame has uploaded so much.
+  /// What arrived meanwhile becomes resident for the next frame, as long as this frame uploads no more than
+  /// this.
   void admit_wanted(int64_t most_bytes, render::Submitted& submitted);
 
   void begin();

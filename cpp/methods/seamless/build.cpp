@@ -10,15 +10,19 @@
 #include <atomic>
 #include <bit>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "method/map_build.h"
+#include "method/maps_option.h"
 #include "method/sample_code.h"
 #include "methods/seamless/closure.h"
 #include "methods/seamless/measure.h"
 #include "methods/seamless/pyramid.h"
 #include "methods/seamless/seamless.h"
+#include "methods/seamless/squares.h"
 
 namespace lodlab::seamless {
 namespace {
@@ -50,7 +54,7 @@ Shape shape_of(const Options& options, const FieldFrame& frame) {
   return {std::countr_zero(static_cast<uint64_t>(patch)), resolutions};
 }
 
-/// Rows [first, end) whose share of the work is done at once; rows up to two beyond are there.
+/// Rows [first, end) whose share of the work is done at once; the row before and two beyond are there.
 struct Band {
   int64_t first, end;
 };
@@ -64,7 +68,7 @@ std::vector<Band> bands_of(const Bands& bands) {
 }
 
 HeightRows read(Bands& bands, const Band& band) {
-  return bands.rows(band.first, std::min(band.end + 2, bands.frame().rows));
+  return bands.rows(std::max<int64_t>(band.first - 1, 0), std::min(band.end + 2, bands.frame().rows));
 }
 
 /// The patches of levels from `least` on that meet a band, each with its rows there, kBand of them at most.
@@ -134,6 +138,7 @@ class Builder {
       : bands_(bands),
         shape_(shape_of(options, bands.frame())),
         steps_(bands_of(bands)),
+        options_(options),
         finest_error_(options.real("finest_error")),
         parts_(steps_.size() * (finest_error_ > 0.0 ? 3 : 2)),
         progress_(progress),
@@ -147,9 +152,14 @@ class Builder {
     }
     pyramid_.finish();
     const Layout layout = layout_with(finest_log2());
+    if (const std::string& file = options_.text("attribute"); !file.empty())
+      put_colors(file, bands_.frame(), map_user(layout), writer, progress_);
+    std::optional<NormalsWriter> normals;
+    if (has_normals(options_)) normals.emplace(bands_.frame(), map_user(layout), writer);
     PatchErrors errors(layout);
     for (const Band& band : steps_) {
       const HeightRows rows = read(bands_, band);
+      if (normals) normals->take(rows, band.end, progress_);
       for_shares(layout, mesh_, pyramid_, shares_of(layout, band, 0), next_part(),
                  [&](Measurer& measurer, const Share& share) {
                    const int64_t id = layout.id(share.patch);
@@ -211,6 +221,7 @@ class Builder {
   Bands& bands_;
   const Shape shape_;
   const std::vector<Band> steps_;
+  const Options& options_;
   const double finest_error_;
   const size_t parts_;
   const Progress& progress_;

@@ -12,6 +12,7 @@
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
+#include "method/map_memory.h"
 #include "methods/seamless/paging.h"
 #include "methods/seamless/ranges.h"
 #include "methods/seamless/session.h"
@@ -20,11 +21,11 @@
 namespace lodlab::seamless {
 namespace {
 
-/// Instanced attributes of one patch (patch.vert).
+/// Instanced attributes of one patch, or of a square of it (patch.vert).
 struct Instance {
   int32_t col, row;
   int32_t first;        ///< height of its slot
-  uint32_t node, bits;  ///< level << 8 | log2 of the stride of its lattice
+  uint32_t node, bits;  ///< lattice point where it begins: u << 24 | v << 16; level << 8 | log2 of its stride
 };
 
 struct Command {  // DrawElementsIndirectCommand
@@ -55,11 +56,12 @@ struct SeamlessSession::Gpu {
     int64_t triangles;
   };
 
-  Gpu(const Hierarchy& hierarchy, const PatchMesh& mesh, Paging& pages, bool parts)
+  Gpu(const Hierarchy& hierarchy, const PatchMesh& mesh, Paging& pages, MapPaging& map_pages, bool parts,
+      render::Submitted& submitted)
       : program({{"vertex", "seamless/patch.vert"}}, defines_of(hierarchy, parts)),
         field(render::make_field_resources(hierarchy.frame, hierarchy.coverage())),
         paging(pages),
-        ranges(mesh, pages.slots()),
+        ranges(mesh, pages.slots(), map_pages.count() > 0),
         heights(pages.capacity()) {
     arrays.floats(0, 0, 1, GL_FLOAT, 0);
     arrays.integers(1, 1, 3, GL_INT, 0);
@@ -67,9 +69,10 @@ struct SeamlessSession::Gpu {
     glVertexArrayBindingDivisor(arrays.id(), 1, 1);
     gl::check("glVertexArrayBindingDivisor");
     arrays.source(0, heights, 0, sizeof(float));
+    maps.emplace(map_pages, arrays, submitted);
   }
 
-  void add(const Layout& layout, const CutNode& picked, render::Pass& pass);
+  bool add(const Layout& layout, const CutNode& picked, const MapPatch& square, render::Pass& pass);
   void upload(render::Submitted& submitted);
   bool bring(int64_t patch, std::optional<double> worth, render::Submitted& submitted);
   void submit(const Layout& layout, render::Pass& pass);
@@ -84,12 +87,25 @@ struct SeamlessSession::Gpu {
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
   std::vector<Batch> batches;
+  std::optional<MapMemory> maps;
 };
 
-void SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, render::Pass& pass) {
+/// Adds a square of a patch, all of it where there are no maps, with what it draws from. False: this frame
+/// uses all the memory that there is.
+bool SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, const MapPatch& square,
+                               render::Pass& pass) {
+  if (static_cast<int64_t>(instance_data.size()) == paging.most_pieces()) return false;
+  if (!bring(picked.node, std::nullopt, pass.submitted)) return false;
+  const auto rows = maps->rows(square, pass.submitted);
+  if (!rows) return false;
+  maps->add(*rows);
   const Patch p = layout.at(picked.node);
+  const int stride = layout.stride_log2(p.level);
+  const Ranges::Square cells{static_cast<int>((square.col - layout.col(p)) >> stride),
+                             static_cast<int>((square.row - layout.row(p)) >> stride),
+                             1 << (square.size_log2 - stride)};
   const Resolutions k = unpack(static_cast<int>(picked.resolution), layout.resolutions);
-  const Ranges::Range range = ranges.range(k, layout.clip_x(p), layout.clip_y(p));
+  const Ranges::Range range = ranges.range(k, layout.clip_x(p), layout.clip_y(p), cells);
   const int64_t triangles = range.indices / 3;
   if (batches.empty() || batches.back().triangles + triangles > pass.batch_triangles())
     batches.push_back({command_data.size(), 0, 0});
@@ -99,10 +115,11 @@ void SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, rend
   command_data.push_back(
       {range.indices, 1, range.first_index, first, static_cast<uint32_t>(instance_data.size())});
   instance_data.push_back({static_cast<int32_t>(layout.col(p)), static_cast<int32_t>(layout.row(p)), first,
-                           picked.node, static_cast<uint32_t>(p.level << 8 | layout.stride_log2(p.level))});
-  ++pass.submitted.nodes;
+                           picked.node,
+                           static_cast<uint32_t>(cells.u << 24 | cells.v << 16 | p.level << 8 | stride)});
   pass.submitted.triangles += triangles;
   pass.submitted.vertices += range.vertices;
+  return true;
 }
 
 /// Brings what changed to the GPU. Index ranges that a frame adds stay.
@@ -114,6 +131,7 @@ void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
   };
   send(instances, as_bytes(instance_data));
   send(commands, as_bytes(command_data));
+  maps->upload(arrays, submitted);
   if (static_cast<int64_t>(as_bytes(ranges.indices()).size()) > indices.bytes()) {
     indices = gl::Buffer(ranges.indices());
     submitted.upload_bytes += indices.bytes();
@@ -123,7 +141,8 @@ void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
 }
 
 void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render::Pass& pass) {
-  const unsigned name = pass.use(program, *field, {});
+  const unsigned name = pass.use(program, *field, maps->shown());
+  maps->bind();
   glUniform2i(glGetUniformLocation(name, "u_last"), static_cast<GLint>(layout.last_col()),
               static_cast<GLint>(layout.last_row()));
   glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
@@ -159,6 +178,7 @@ void SeamlessSession::Gpu::submit(const Layout& layout, render::Pass& pass) {
   instance_data.clear();
   command_data.clear();
   batches.clear();
+  maps->begin();
 }
 
 /// A cut that needs more patches than memory holds is drawn in rounds, in which they take turns. Selection
@@ -166,19 +186,21 @@ void SeamlessSession::Gpu::submit(const Layout& layout, render::Pass& pass) {
 void SeamlessSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const Layout& layout = hierarchy_->layout;
-  if (!gpu_) gpu_ = std::make_shared<Gpu>(*hierarchy_, mesh_, *paging_, parts_);
+  if (!gpu_) gpu_ = std::make_shared<Gpu>(*hierarchy_, mesh_, *paging_, *maps_, parts_, pass.submitted);
   Gpu& gpu = *gpu_;
   if (paging_->streams()) gpu.bring(0, std::nullopt, pass.submitted);
   // The last levels first: they are nearest and hide what comes after.
   for (auto picked = cut.nodes.rbegin(); picked != cut.nodes.rend(); ++picked) {
     if (!picked->visible && !pass.everything()) continue;
-    if (!gpu.bring(picked->node, std::nullopt, pass.submitted)) {
+    ++pass.submitted.nodes;
+    for (const MapPatch& square : maps_->patches(*picked, pass.camera())) {
+      if (gpu.add(layout, *picked, square, pass)) continue;
       gpu.submit(layout, pass);
       paging_->next_frame();
-      if (!gpu.bring(picked->node, std::nullopt, pass.submitted))
+      maps_->next_frame();
+      if (!gpu.add(layout, *picked, square, pass))
         throw Unsupported("seamless: gpu_cache_mb cannot hold a single patch of this cut");
     }
-    gpu.add(layout, *picked, pass);
   }
   gpu.submit(layout, pass);
   if (paging_->streams()) admit_wanted(pass.submitted);
@@ -192,6 +214,7 @@ void SeamlessSession::admit_wanted(render::Submitted& submitted) {
     if (paging_->resident(want.unit) || !paging_->resident(paging_->parent(want.unit))) continue;
     gpu_->bring(want.unit, want.priority, submitted);
   }
+  gpu_->maps->admit_wanted(before + paging_->upload_bytes(), submitted);
 }
 
 void SeamlessSession::settle() { paging_->settle(); }
@@ -199,7 +222,7 @@ void SeamlessSession::settle() { paging_->settle(); }
 int64_t SeamlessSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
-  int64_t sum = gpu.field->bytes();
+  int64_t sum = gpu.field->bytes() + gpu.maps->bytes();
   for (const gl::Buffer* b : {&gpu.heights, &gpu.indices, &gpu.instances, &gpu.commands}) sum += b->bytes();
   return sum;
 }

@@ -6,10 +6,13 @@
 #include <cmath>
 
 #include "base/errors.h"
+#include "method/map_paging.h"
+#include "method/maps_option.h"
 #include "method/paging_options.h"
 #include "methods/seamless/paging.h"
 #include "methods/seamless/seamless.h"
 #include "methods/seamless/session.h"
+#include "methods/seamless/squares.h"
 
 namespace lodlab {
 namespace seamless {
@@ -52,6 +55,8 @@ std::vector<OptionSpec> option_table() {
        "crack and "
        "bound nothing.",
        {"vertex", "average"}},
+      attribute_option(),
+      normals_option(),
       projection_option(),
       {"metric",
        std::string("roughness"),
@@ -83,13 +88,15 @@ std::vector<OptionSpec> option_table() {
        int64_t{8} << 20,
        kDraw,
        "bytes",
-       "Heights that a frame may bring to the GPU while flying.",
+       "Heights and maps that a frame may bring to the GPU while flying.",
        {},
        1024,
        int64_t{1} << 40},
+      texels_option(),
   };
-  add_paging_options(table, {"Load heights while flying; false loads what a frame draws before it.",
-                             "Decoded heights kept in main memory.", "Heights kept on the GPU."});
+  add_paging_options(table,
+                     {"Load heights and maps while flying; false loads what a frame draws before it.",
+                      "Decoded heights and maps kept in main memory.", "Heights and maps kept on the GPU."});
   return table;
 }
 
@@ -138,7 +145,10 @@ SeamlessSession::SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, con
       metric_(metric_of(options)),
       mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions),
       parts_(options.flag("parts")),
-      paging_(std::make_unique<Paging>(hierarchy_, mesh_, options)) {}
+      paging_(std::make_unique<Paging>(hierarchy_, mesh_, options)),
+      maps_(std::make_unique<MapPaging>(std::make_unique<PatchSquares>(hierarchy_), maps_of(*hierarchy_),
+                                        paging_->residency(), paging_->map_bytes(),
+                                        options.real("texels_per_pixel"))) {}
 
 SeamlessSession::~SeamlessSession() = default;
 

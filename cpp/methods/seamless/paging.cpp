@@ -5,17 +5,21 @@
 #include <cmath>
 
 #include "base/errors.h"
+#include "method/map_paging.h"
 #include "method/paging_options.h"
 #include "method/sample_code.h"
 #include "methods/seamless/ranges.h"
 #include "methods/seamless/seamless.h"
+#include "methods/seamless/squares.h"
 
 namespace lodlab::seamless {
 namespace {
 
 constexpr double kWindowWorth = 0.25;
 constexpr size_t kMostWanted = 4096;   // patches that the loader is asked for at once
-constexpr int64_t kPerPatch = 2 * 40;  // bytes of instance and command; buffers may double
+constexpr int64_t kPerPiece = 2 * 40;  // bytes of instance and command; buffers may double
+constexpr int64_t kPerMap = 2 * 16;    // and of its row for a map
+constexpr int64_t kMorePieces = 4096;  // that maps may cut patches into
 
 int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2(); }
 
@@ -26,8 +30,14 @@ int64_t bytes_beside_heights(const Hierarchy& hierarchy, const PatchMesh& mesh) 
   return Ranges::most_bytes(mesh, hierarchy.layout) + (hierarchy.coverage().empty() ? 0 : mask);
 }
 
-Residency::Setup setup_of(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
-                          const Slots& slots, const Options& options) {
+[[noreturn]] void refuse(const std::string& what, const char* option, int64_t least, int64_t given) {
+  throw InvalidInput("seamless: " + what + " need " + option + " of at least " +
+                     std::to_string((least + (1 << 20) - 1) >> 20) + ", not " + std::to_string(given >> 20));
+}
+
+/// Without a capacity.
+Residency::Setup setup_of(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots,
+                          const Maps& maps, const Options& options) {
   const Layout& layout = hierarchy->layout;
   const PagingOptions caches = paging_of(options);
   const int64_t patches = layout.patches();
@@ -41,30 +51,13 @@ Residency::Setup setup_of(const std::shared_ptr<const Hierarchy>& hierarchy, con
   setup.stream = caches.stream;
   setup.cpu_bytes = caches.cpu_bytes;
   setup.fetch_delay = caches.fetch_delay;
-  setup.decode = [slots, floats = page_samples(layout, hierarchy->averaged())](int, int64_t, Bytes stored) {
+  setup.decode = [slots, maps, floats = page_samples(layout, hierarchy->averaged())](int kind, int64_t id,
+                                                                                     Bytes stored) {
+    if (auto texels = maps.decode(kind, id, stored)) return *std::move(texels);
     std::vector<float> heights(static_cast<size_t>(floats));
     decode_samples(stored, heights.data(), floats);
     return slots.arrange(heights);
   };
-  const auto refuse = [](const std::string& what, const char* option, int64_t least, int64_t given) {
-    throw InvalidInput("seamless: " + what + " need " + option + " of at least " +
-                       std::to_string((least + (1 << 20) - 1) >> 20) + ", not " +
-                       std::to_string(given >> 20));
-  };
-  const int64_t beside = bytes_beside_heights(*hierarchy, mesh), each = slots.bytes() + kPerPatch;
-  const int64_t family = branch(layout) * branch(layout), below = (layout.levels - 1) * family;
-  const int64_t least = beside + (1 + below) * each;
-  if (least > caches.gpu_bytes)
-    refuse("the coarsest patch, a family on each level below it, and the meshes", "gpu_cache_mb", least,
-           caches.gpu_bytes);
-  if (slots.bytes() > caches.cpu_bytes)
-    refuse("the coarsest heights", "cpu_cache_mb", slots.bytes(), caches.cpu_bytes);
-  if (slots.bytes() > options.integer("upload_bytes")) {
-    throw InvalidInput("seamless: upload_bytes=" + std::to_string(options.integer("upload_bytes")) +
-                       " cannot move a patch of " + std::to_string(slots.bytes()) + " bytes");
-  }
-  const int64_t addressed = int64_t{INT32_MAX} / slots.floats();  // vertices have 31-bit numbers
-  setup.capacity = std::min({patches, (caches.gpu_bytes - beside) / each, addressed}) * slots.bytes();
   return setup;
 }
 
@@ -92,19 +85,59 @@ int64_t first_of(double place, int64_t width, int64_t count, int64_t step) {
 
 }  // namespace
 
+Paging::Plan Paging::plan(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
+                          const Options& options) {
+  const Layout& layout = hierarchy->layout;
+  const Maps maps = maps_of(*hierarchy);
+  const Slots slots(layout, hierarchy->averaged());
+  const auto count = static_cast<int64_t>(maps.all().size());
+  const int64_t piece = kPerPiece + count * kPerMap, each = slots.bytes() + piece;
+  const int64_t more = count > 0 ? kMorePieces : 0;
+  const int64_t beside = bytes_beside_heights(*hierarchy, mesh) + more * piece;
+  const int64_t family = branch(layout) * branch(layout), below = (layout.levels - 1) * family;
+  const int64_t addressed = int64_t{INT32_MAX} / slots.floats();  // vertices have 31-bit numbers
+  std::vector<Pool> pools{{each, std::min(layout.patches(), addressed), 1 + below}};
+  int64_t roots = slots.bytes(), largest = slots.bytes();
+  for (const Pool& pool : map_pools(maps)) {
+    pools.push_back(pool);
+    roots += pool.slot;
+    largest = std::max(largest, pool.slot);
+  }
+  pools[0].least = std::min(pools[0].least, pools[0].count);
+  Plan out{setup_of(hierarchy, slots, maps, options), {}, 0};
+  const std::string texels = count == 0 ? "" : ", those of the maps";
+  const int64_t gpu_bytes = paging_of(options).gpu_bytes, least = beside + least_of(pools);
+  if (least > gpu_bytes) {
+    refuse("the coarsest patch, a family on each level below it" + texels + ", and the meshes",
+           "gpu_cache_mb", least, gpu_bytes);
+  }
+  if (roots > out.setup.cpu_bytes)
+    refuse("the coarsest heights" + texels, "cpu_cache_mb", roots, out.setup.cpu_bytes);
+  if (largest > options.integer("upload_bytes")) {
+    throw InvalidInput("seamless: upload_bytes=" + std::to_string(options.integer("upload_bytes")) +
+                       " cannot move " + (largest > slots.bytes() ? "a tile of a map" : "a patch") + " of " +
+                       std::to_string(largest) + " bytes");
+  }
+  part_room(gpu_bytes - beside, pools);
+  const int64_t held = pools[0].capacity / each;
+  out.setup.capacity = held * slots.bytes();
+  out.most_pieces = held + more;
+  for (size_t i = 1; i < pools.size(); ++i) out.map_bytes.push_back(lodlab::map_bytes(pools[i]));
+  return out;
+}
+
 Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
                const Options& options)
-    : Paging(hierarchy, Slots(hierarchy->layout, hierarchy->averaged()),
-             setup_of(hierarchy, mesh, Slots(hierarchy->layout, hierarchy->averaged()), options),
-             options.integer("upload_bytes")) {}
+    : Paging(hierarchy, plan(hierarchy, mesh, options), options.integer("upload_bytes")) {}
 
-Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
-               int64_t upload_bytes)
+Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, Plan plan, int64_t upload_bytes)
     : hierarchy_(hierarchy),
-      slots_(slots),
-      window_(widest_window(hierarchy->layout, setup.capacity / slots.bytes())),
+      slots_(hierarchy->layout, hierarchy->averaged()),
+      window_(widest_window(hierarchy->layout, plan.setup.capacity / slots_.bytes())),
       upload_bytes_(upload_bytes),
-      residency_(hierarchy->store, std::move(setup)) {}
+      most_pieces_(plan.most_pieces),
+      residency_(hierarchy->store, std::move(plan.setup)),
+      map_bytes_(std::move(plan.map_bytes)) {}
 
 int64_t Paging::parent(int64_t patch) const {
   const Layout& layout = hierarchy_->layout;

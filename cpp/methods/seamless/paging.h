@@ -22,8 +22,8 @@ namespace lodlab::seamless {
 class Paging {
  public:
   /// With the draw options stream, cpu_cache_mb, gpu_cache_mb, fetch_delay_ms and upload_bytes. InvalidInput
-  /// when a cache cannot hold the root and, on the GPU, a family of patches on each level below it, or a
-  /// frame cannot upload a patch.
+  /// when a cache cannot hold the root and, on the GPU, a family of patches on each level below it, the same
+  /// of maps, or a frame cannot upload a patch or a tile of a map.
   Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh, const Options& options);
 
   bool streams() const { return residency_.streams(); }
@@ -43,7 +43,14 @@ class Paging {
   /// Blocks until what was asked for is in main memory.
   void settle() { residency_.settle(); }
 
+  // For maps (method/map_paging.h).
+  const Residency& residency() const { return residency_; }
+  /// Bytes of GPU memory that tiles of each map may take.
+  const std::vector<int64_t>& map_bytes() const { return map_bytes_; }
+
   // For drawing.
+  /// Patches, and what maps cut them into, that are drawn at once.
+  int64_t most_pieces() const { return most_pieces_; }
   const Slots& slots() const { return slots_; }
   /// That a frame may bring to the GPU beside what it draws.
   int64_t upload_bytes() const { return upload_bytes_; }
@@ -60,8 +67,14 @@ class Paging {
   int64_t window() const { return window_; }
 
  private:
-  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, const Slots& slots, Residency::Setup setup,
-         int64_t upload_bytes);
+  struct Plan {
+    Residency::Setup setup;
+    std::vector<int64_t> map_bytes;
+    int64_t most_pieces;
+  };
+  static Plan plan(const std::shared_ptr<const Hierarchy>& hierarchy, const PatchMesh& mesh,
+                   const Options& options);
+  Paging(const std::shared_ptr<const Hierarchy>& hierarchy, Plan plan, int64_t upload_bytes);
   struct Origin {
     int64_t y, x;
     bool operator==(const Origin&) const = default;
@@ -70,8 +83,9 @@ class Paging {
 
   std::shared_ptr<const Hierarchy> hierarchy_;
   Slots slots_;
-  int64_t window_, upload_bytes_;
+  int64_t window_, upload_bytes_, most_pieces_;
   Residency residency_;
+  std::vector<int64_t> map_bytes_;
   std::vector<Residency::Want> wants_;
   std::vector<uint32_t> dropped_;
   std::vector<Origin> complete_;  ///< where each level's window was when all of it was there; empty: nowhere

@@ -2,7 +2,9 @@
 // Ranges of indices that patches share: the pieces of mesh.h composed for the resolutions of a patch, without
 // the triangles that a clamped border collapses. Made on demand, kept.
 //
-// Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache. The last
+// Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache; where
+// patches may be cut up (squares.h), along a Z-order of cells of the coarsest resolution, so that a square of
+// them is a part of the range. The last
 // vertex of a triangle that is part of a strip along a diagonal lies on it, where no vertex of a tile does: a
 // flat output of the vertex tells the two apart.
 #pragma once
@@ -18,13 +20,19 @@ namespace lodlab::seamless {
 
 class Ranges {
  public:
-  Ranges(const PatchMesh& mesh, const Slots& slots) : mesh_(mesh), slots_(slots) {}
+  Ranges(const PatchMesh& mesh, const Slots& slots, bool cut_up)
+      : mesh_(mesh), slots_(slots), cut_up_(cut_up) {}
 
   struct Range {
     uint32_t first_index, indices, vertices;
   };
-  /// Indices count from the slot's first height.
-  Range range(const Resolutions& k, int clip_x, int clip_y);
+  /// Lattice cells of a patch: a square of whole cells of its coarsest resolution.
+  struct Square {
+    int u, v, side;
+    auto operator<=>(const Square&) const = default;
+  };
+  /// Indices count from the slot's first height. A square that is not the whole patch: for those cut up.
+  Range range(const Resolutions& k, int clip_x, int clip_y, const Square& square);
   /// All of them, one after the other; only grows. A slot has at most 24,000 heights.
   const std::vector<uint16_t>& indices() const { return indices_; }
 
@@ -35,13 +43,24 @@ class Ranges {
   struct Key {
     Resolutions k;
     int clip_x, clip_y;
+    Square square;
     auto operator<=>(const Key&) const = default;
   };
-  Range compose(const Key& key);
+  /// A whole patch: first indices of its coarsest cells, in their order, and the end.
+  struct Whole {
+    Range range;
+    std::vector<uint32_t> cells;
+  };
+  const Whole& whole(const Resolutions& k, int clip_x, int clip_y);
+  Whole compose(const Key& key);
+  int cell(int u, int v) const;
+  uint32_t vertices(uint32_t first_index, uint32_t indices) const;
 
   const PatchMesh& mesh_;
   Slots slots_;
-  std::map<Key, Range> ranges_;
+  bool cut_up_;
+  std::map<Key, Whole> wholes_;
+  std::map<Key, Range> parts_;
   std::vector<uint16_t> indices_;
 };
 

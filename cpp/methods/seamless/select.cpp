@@ -3,6 +3,7 @@
 // by its own four edges (section 3, Level of Detail); METHOD.md has the metric and the proof.
 #include <algorithm>
 
+#include "method/map_paging.h"
 #include "methods/seamless/paging.h"
 #include "methods/seamless/selector.h"
 #include "methods/seamless/session.h"
@@ -39,6 +40,8 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
       if (picked.visible) paging_->touch(picked.node, 2.0);
     }
   }
+  maps_->next_frame();
+  maps_->select(camera, cut);
   cut.adapt_steps = selector.traversed;
   cut.tau = budget.pixel_error.value_or(cut.predicted_px);
   cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&

@@ -10,6 +10,10 @@
 #include "methods/seamless/hierarchy.h"
 #include "methods/seamless/selector.h"
 
+namespace lodlab {
+class MapPaging;
+}
+
 namespace lodlab::seamless {
 
 class Paging;
@@ -49,6 +53,7 @@ class SeamlessSession : public Session {
   PatchMesh mesh_;
   bool parts_;  ///< colours by level tell strips from tiles
   std::unique_ptr<Paging> paging_;
+  std::unique_ptr<MapPaging> maps_;
   Selector::Scratch scratch_;
   std::vector<int64_t> parents_;  // scratch of a frame
   std::shared_ptr<Gpu> gpu_;      // knows how to delete what only draw.cpp knows
