@@ -3,10 +3,9 @@
 // the triangles that a clamped border collapses. Made on demand, kept.
 //
 // Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache; where
-// patches may be cut up (squares.h), along a Z-order of the least squares, so that any square of
-// them is a part of the range. The last
-// vertex of a triangle that is part of a strip along a diagonal lies on it, where no vertex of a tile does: a
-// flat output of the vertex tells the two apart.
+// patches may be cut up (squares.h), along a Z-order of the least squares, so that any larger one is a part
+// of the range. The last vertex of a triangle that is part of a strip along a diagonal lies on it, where no
+// vertex of a tile does: a flat output of the vertex tells the two apart.
 #pragma once
 
 #include <compare>
