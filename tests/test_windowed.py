@@ -109,7 +109,15 @@ def test_bands_build_the_store_that_the_whole_builds(tmp_path, spec, options):
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"finest_error": 2.0}, {"resolutions": 3}, {"pyramid": "average"}, {"patch": 8, "resolutions": 3}]
+    "options",
+    [
+        {},
+        {"finest_error": 2.0},
+        {"resolutions": 3},
+        {"pyramid": "average"},
+        {"patch": 8, "resolutions": 3},
+        {"normals": "attribute", "finest_error": 2.0},
+    ],
 )
 @pytest.mark.parametrize("size", [257, 300, 700])
 def test_bands_build_the_patches_that_the_whole_builds(tmp_path, size, options):

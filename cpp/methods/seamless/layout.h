@@ -13,6 +13,10 @@
 
 namespace lodlab::seamless {
 
+/// log2 of the lattice cells a side of the least square that a patch may be cut into (squares.h): at least as
+/// long as any segment of an edge, and no longer than any patch.
+inline constexpr int kSquareLog2 = 2;
+
 enum Edge { kNorth = 0, kEast = 1, kSouth = 2, kWest = 3 };
 
 struct Patch {

@@ -17,11 +17,11 @@ std::array<int, 3> place(const Triangle& t) {
 
 }  // namespace
 
-/// The number of a lattice cell's coarsest cell in Z-order; 0 where patches stay whole.
+/// The number in Z-order of the least square with this lattice cell; 0 where patches stay whole.
 int Ranges::cell(int u, int v) const {
   if (!cut_up_) return 0;
   int out = 0;
-  for (int bit = mesh_.resolutions() - 1, at = 0; 1 << bit < mesh_.segments(); ++bit, at += 2)
+  for (int bit = kSquareLog2, at = 0; 1 << bit < mesh_.segments(); ++bit, at += 2)
     out |= (u >> bit & 1) << at | (v >> bit & 1) << (at + 1);
   return out;
 }
@@ -33,7 +33,7 @@ Ranges::Range Ranges::range(const Resolutions& k, int clip_x, int clip_y, const 
   const auto known = parts_.find(key);
   if (known != parts_.end()) return known->second;
   const std::vector<uint32_t>& cells = whole(k, clip_x, clip_y).cells;
-  const int first = cell(square.u, square.v), across = square.side >> (mesh_.resolutions() - 1);
+  const int first = cell(square.u, square.v), across = square.side >> kSquareLog2;
   const uint32_t begin = cells[static_cast<size_t>(first)],
                  end = cells[static_cast<size_t>(first + across * across)];
   return parts_[key] = {begin, end - begin, vertices(begin, end - begin)};
@@ -78,7 +78,7 @@ Ranges::Whole Ranges::compose(const Key& key) {
     return a.cell != b.cell ? a.cell < b.cell : place(a.t) < place(b.t);
   });
   const auto first = static_cast<uint32_t>(indices_.size());
-  const int coarse = side >> (mesh_.resolutions() - 1), cells = cut_up_ ? coarse * coarse : 1;
+  const int across = side >> kSquareLog2, cells = cut_up_ ? across * across : 1;
   Whole out{{first, static_cast<uint32_t>(3 * all.size()), 0}, {}};
   for (const Placed& placed : all) {
     out.cells.resize(static_cast<size_t>(placed.cell) + 1, static_cast<uint32_t>(indices_.size()));

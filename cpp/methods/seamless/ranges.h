@@ -3,10 +3,9 @@
 // the triangles that a clamped border collapses. Made on demand, kept.
 //
 // Triangles run down strips of 16 lattice cells, so that the row above is still in the vertex cache; where
-// patches may be cut up (squares.h), along a Z-order of cells of the coarsest resolution, so that a square of
-// them is a part of the range. The last
-// vertex of a triangle that is part of a strip along a diagonal lies on it, where no vertex of a tile does: a
-// flat output of the vertex tells the two apart.
+// patches may be cut up (squares.h), along a Z-order of the least squares, so that any larger one is a part
+// of the range. The last vertex of a triangle that is part of a strip along a diagonal lies on it, where no
+// vertex of a tile does: a flat output of the vertex tells the two apart.
 #pragma once
 
 #include <compare>
@@ -26,7 +25,7 @@ class Ranges {
   struct Range {
     uint32_t first_index, indices, vertices;
   };
-  /// Lattice cells of a patch: a square of whole cells of its coarsest resolution.
+  /// Lattice cells of a patch: a square of 2^n least squares a side.
   struct Square {
     int u, v, side;
     auto operator<=>(const Square&) const = default;
@@ -46,7 +45,7 @@ class Ranges {
     Square square;
     auto operator<=>(const Key&) const = default;
   };
-  /// A whole patch: first indices of its coarsest cells, in their order, and the end.
+  /// A whole patch: first indices of its least squares, in their order, and the end.
   struct Whole {
     Range range;
     std::vector<uint32_t> cells;

@@ -3,7 +3,7 @@
 //   meta: pyramid (vertex | average); arrays: layout (patch_log2, resolutions, finest_log2, levels), codes
 //   (uint16, all levels' edges, layout.h), scales (double: largest weight, last_error), typical (double, a
 //   row of `resolutions` a level); pages: kHeights, one a patch, by its id, the coverage mask, and, with
-//   maps, their tiles (method/map_tiles.h), with an array each, colors and normals. A page of heights holds
+//   maps, their tiles (method/map_tiles.h) and an array each, colors and normals. A page of heights holds
 //   (segments + 1)^2 floats, row by row, clamped lattice points repeated (method/sample_code.h); with
 //   pyramid=average it goes on with the (segments / 2 + 1)^2 of the next coarser resolution, and so on.
 #pragma once

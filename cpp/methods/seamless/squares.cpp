@@ -6,7 +6,7 @@
 namespace lodlab::seamless {
 
 MapUser map_user(const Layout& layout) {
-  return {"seamless", layout.stride_log2(layout.levels - 1, 0), "take a smaller finest_error"};
+  return {"seamless", layout.finest_log2 + kSquareLog2, "take a smaller finest_error"};
 }
 
 Maps maps_of(const Hierarchy& hierarchy) {
@@ -27,7 +27,7 @@ MapSquare PatchSquares::whole(const CutNode& picked) const {
   const Layout& layout = hierarchy_->layout;
   const Patch p = layout.at(picked.node);
   return square(layout.row(p), layout.col(p), layout.side_log2(p.level), picked.node,
-                layout.stride_log2(p.level, 0));
+                layout.stride_log2(p.level) + kSquareLog2);
 }
 
 std::vector<MapSquare> PatchSquares::parts(const MapSquare& whole) const {

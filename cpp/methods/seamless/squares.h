@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Patches as squares for maps: one with more texels than a tile is drawn in squares of whole cells of its
-// coarsest resolution, which none of its triangles crosses: the same vertices and triangles.
+// Patches as squares for maps: one with more texels than a tile is cut into squares, whose sides none of its
+// triangles crosses, whatever its resolutions: the same vertices and triangles.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace lodlab::seamless {
 
-/// The smallest squares are such cells of the last level.
+/// The smallest squares are those of the last level.
 MapUser map_user(const Layout& layout);
 
 /// Those of its store.
