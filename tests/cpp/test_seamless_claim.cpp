@@ -82,7 +82,7 @@ Verdict judge(const Field& field, const Metric& metric, double rho, double away,
 }
 
 Weights equal(const Field& field) {
-  const std::array<double, 4> one{1.0, 1.0, 1.0, 1.0};
+  const std::array<double, 4> one = Metric::kPaperWeights;
   return {one, one, std::vector(size_t{1} << field.layout.branch_log2(), one)};
 }
 
@@ -158,8 +158,7 @@ TEST_CASE("patches agree: the paper's metric with nearest distances and rho of a
       const Field field(resolutions, 1.0, random.coin() ? 1.0 : random.uniform(0.3, 3.0));
       const Weights one = equal(field);
       for (int i = 0; i < 1000; ++i) {
-        // Exactly 1 leaves nothing for rounding; METHOD.md.
-        const double rho = random.uniform(1.0 + 0x1p-40, 4.0);
+        const double rho = random.coin() ? 1.0 : random.uniform(1.0, 4.0);
         const Verdict verdict = judge(field, paper, rho, 0.0, random_eye(field, random), one);
         pairs += verdict != Verdict::kNoPair;
         wrong += verdict == Verdict::kDisagree;
@@ -191,7 +190,7 @@ TEST_CASE("a counterexample: rho of 0.9, below the premise") {
   // 57 behind the parted patch's far edge: its epsilon is just above 1; the shared one's just below 1/2.
   const glm::dvec3 eye(128.0 + 57.0, -32.0, 0.0);
   CHECK(judge(field, {.roughness = false}, 0.9, 0.0, eye, equal(field)) == Verdict::kDisagree);
-  CHECK(judge(field, {.roughness = false}, 1.0 + 0x1p-40, 0.0, eye, equal(field)) == Verdict::kAgree);
+  CHECK(judge(field, {.roughness = false}, 1.0, 0.0, eye, equal(field)) == Verdict::kAgree);
 }
 
 TEST_CASE("a counterexample: midpoints, whatever rho") {

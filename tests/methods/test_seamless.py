@@ -228,3 +228,53 @@ def test_parents_stand_in_for_what_is_missing_without_cracks(lab: Lab) -> None:
         cut, row = session.time_frame(view, budget)
         assert row["triangles"] <= 20_000
     assert np.array_equal(cut.nodes, loaded.select(view, budget).nodes)
+
+
+def random_view(field: lod.HeightField, random: np.random.Generator) -> _core.View:
+    """Anywhere about the field: over it, beside it, on its ground, on a vertex, looking anywhere."""
+    rows, cols = field.shape
+    dx, dy = field.spacing
+    x0, y0 = field.origin
+    row, col = random.uniform(-0.3, 1.3) * rows, random.uniform(-0.3, 1.3) * cols
+    if random.random() < 0.3:
+        row, col = round(row), round(col)
+    top = float(np.nanmax(field.heights))
+    height = top + random.choice([0.0, -0.5 * top, random.random() ** 3 * cols * dx])
+    eye = np.array([x0 + col * dx, y0 - row * dy, height])
+    return _core.View(tuple(eye), tuple(eye + random.normal(size=3)), fov=random.uniform(20, 120), size=(64, 40))
+
+
+@pytest.mark.parametrize("options", [{}, {"metric": "distance", "rho": "1"}, {"metric": "distance", "rho": "3"}])
+def test_neighbours_agree_whatever_the_view(lab: Lab, options: dict[str, object]) -> None:
+    """`cut` compares the strides of every shared edge, of patches of any levels, in whole numbers."""
+    session, random = lab.store.core.session({"stream": False, **options}), np.random.default_rng(11)
+    for _ in range(200):
+        pixels = 10.0 ** random.uniform(-2, 2)
+        budget = {"pixel_error": pixels}
+        if not options and random.random() < 0.5:  # hard budgets lower a given rho, below 1 too
+            budget = {"triangles": int(10 ** random.uniform(2, 5))}
+        cut = session.select(random_view(lab.field, random), _core.Budget(**budget))
+        session.cut(cut.nodes["node"].astype(np.int64), cut.nodes["resolution"].astype(np.int32))
+
+
+def test_the_papers_metric_agrees_at_rho_1_on_a_vertex(tmp_path) -> None:
+    """Eyes on lattice points, where distances tie: one in 200 disagreed."""
+    field = lod.HeightField(_core.fractal(129, 129, 0, 0, seed=4, roughness=0.5), spacing=0.1)
+    session = lod.build(field, "seamless", tmp_path / "s.lod", patch=8, progress=False).core.session(
+        {"stream": False, "metric": "distance", "rho": "1"}
+    )
+    view = _core.View((2.9000000000000004, -11.2, -1e6), (2.9, -10.2, -1e6), size=(64, 40))
+    cut = session.select(view, _core.Budget(pixel_error=1.0))
+    session.cut(cut.nodes["node"].astype(np.int64), cut.nodes["resolution"].astype(np.int32))
+
+
+@pytest.mark.parametrize("budget", [{"triangles": 60_000}, {"nodes": 300}, {"pixel_error": 0.3, "triangles": 60_000}])
+def test_a_cold_session_keeps_hard_budgets_while_much_is_missing(tmp_path, budget: dict[str, float]) -> None:
+    """Where more patches are missing than are blocked one by one, everything becomes coarser, and stays so."""
+    field = lod.HeightField(_core.fractal(513, 513, 0, 0, seed=4, roughness=0.5), spacing=30.0)
+    store = lod.build(field, "seamless", tmp_path / "s.lod", patch=8, progress=False)
+    session = store.core.session({"fetch_delay_ms": 20})
+    for view in lod.CameraPath.flyover(field, frames=8).views((64, 40)):
+        cut, row = session.time_frame(view, _core.Budget(**budget))
+        assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
+        session.cut(cut.nodes["node"].astype(np.int64), cut.nodes["resolution"].astype(np.int32))

@@ -62,6 +62,7 @@ struct SeamlessSession::Gpu {
         field(render::make_field_resources(hierarchy.frame, hierarchy.coverage())),
         paging(pages),
         ranges(mesh, pages.slots(), map_pages.count() > 0),
+        most_index_bytes(Ranges::most_bytes(mesh, hierarchy.layout)),
         heights(pages.capacity()) {
     arrays.floats(0, 0, 1, GL_FLOAT, 0);
     arrays.integers(1, 1, 3, GL_INT, 0);
@@ -82,7 +83,9 @@ struct SeamlessSession::Gpu {
   std::shared_ptr<const render::FieldResources> field;
   Paging& paging;
   Ranges ranges;
+  int64_t most_index_bytes;
   gl::Buffer heights, indices{0}, instances{0}, commands{0};
+  size_t index_bytes = 0;  ///< of the ranges, those that the buffer has
   gl::VertexArray arrays;
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
@@ -132,10 +135,17 @@ void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
   send(instances, as_bytes(instance_data));
   send(commands, as_bytes(command_data));
   maps->upload(arrays, submitted);
-  if (static_cast<int64_t>(as_bytes(ranges.indices()).size()) > indices.bytes()) {
-    indices = gl::Buffer(ranges.indices());
-    submitted.upload_bytes += indices.bytes();
+  const auto all = as_bytes(ranges.indices());
+  if (static_cast<int64_t>(all.size()) > indices.bytes()) {
+    const auto size = static_cast<int64_t>(all.size());
+    indices = gl::Buffer(std::max(size, std::min(2 * indices.bytes(), most_index_bytes)));
+    index_bytes = 0;
     arrays.indices(indices);
+  }
+  if (index_bytes < all.size()) {
+    indices.upload(static_cast<int64_t>(index_bytes), all.subspan(index_bytes));
+    submitted.upload_bytes += static_cast<int64_t>(all.size() - index_bytes);
+    index_bytes = all.size();
   }
   arrays.source(1, instances, 0, sizeof(Instance));
 }

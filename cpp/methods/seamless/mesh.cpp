@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Tiles and strips made once for an edge, and turned to the other three (mesh.h).
 #include "methods/seamless/mesh.h"
 
 #include <algorithm>

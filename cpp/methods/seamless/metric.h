@@ -22,6 +22,11 @@ struct Metric {
   bool nearest = true;  ///< distance to the nearest point of an edge; false: to its midpoint
   double rho = 0.0;     ///< as the user asks; 0: as the budget does
 
+  /// The paper's metric weighs all edges alike: with 1, but for what rounding can take from the claim at rho
+  /// = 1.
+  static constexpr std::array<double, 4> kPaperWeights{1.0 + 0x1p-20, 1.0 + 0x1p-20, 1.0 + 0x1p-20,
+                                                       1.0 + 0x1p-20};
+
   /// Above 1 by more than rounding can take from the claim.
   double base() const { return roughness ? 1.0 + 0x1p-20 : 0.0; }
 };

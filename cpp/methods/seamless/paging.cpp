@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Which patches are resident, wanted, in windows round the eye (paging.h); the budgets of both memories.
 #include "methods/seamless/paging.h"
 
 #include <algorithm>
@@ -16,10 +17,11 @@ namespace lodlab::seamless {
 namespace {
 
 constexpr double kWindowWorth = 0.25;
-constexpr size_t kMostWanted = 4096;   // patches that the loader is asked for at once
-constexpr int64_t kPerPiece = 2 * 40;  // bytes of instance and command; buffers may double
-constexpr int64_t kPerMap = 2 * 16;    // and of its row for a map
-constexpr int64_t kMorePieces = 4096;  // that maps may cut patches into
+constexpr size_t kMostWanted = 4096;    // patches that the loader is asked for at once
+constexpr size_t kEnoughWanted = 1024;  // beyond them finer windows wait
+constexpr int64_t kPerPiece = 2 * 40;   // bytes of instance and command; buffers may double
+constexpr int64_t kPerMap = 2 * 16;     // and of its row for a map
+constexpr int64_t kMorePieces = 4096;   // that maps may cut patches into
 
 int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2(); }
 
@@ -69,10 +71,11 @@ int64_t widest_window(const Layout& layout, int64_t slots) {
       sum += std::min(width, layout.across(l)) * std::min(width, layout.down(l));
     return sum <= slots;
   };
+  constexpr int64_t kWidest = 32;  // patches: no view draws more of a level side by side
   const int last = layout.levels - 1;
   const int64_t step = branch(layout), whole = std::max(layout.across(last), layout.down(last));
   int64_t width = step;
-  while (width < whole && fits(width + step)) width += step;
+  while (width < std::min(whole, kWidest) && fits(width + step)) width += step;
   return width;
 }
 
@@ -173,14 +176,14 @@ void Paging::follow(const glm::dvec3& eye, int level) {
     origins.push_back({first_of(place(l).row, window_, layout.down(l), branch(layout)),
                        first_of(place(l).col, window_, layout.across(l), branch(layout))});
   }
-  if (origins == complete_) return;
+  const auto moved = std::mismatch(complete_.begin(), complete_.end(), origins.begin(), origins.end()).first;
+  complete_.erase(moved, complete_.end());
   bool all = true;
-  for (size_t i = 0; i < origins.size(); ++i) {
+  for (size_t i = complete_.size(); i < origins.size() && wants_.size() < kEnoughWanted; ++i) {
     const auto l = static_cast<int>(i) + 1;
     all &= look_round(l, origins[i], place(l).row, place(l).col);
+    if (all) complete_.push_back(origins[i]);
   }
-  complete_.clear();
-  if (all) complete_ = std::move(origins);
 }
 
 /// Needs what is in a level's window, the nearest most; whether all of it is there.

@@ -3,9 +3,9 @@
 // patch are resident, so that one can stand in for what is missing.
 //
 // Beside what a cut asks for, each level has a window of patches round the eye, of equal width in patches and
-// as wide as memory allows. When the eye moves, what enters a window is an L of patches, and it takes the
-// slots of those that left it. Windows are whole families of children: a patch can split only when all of
-// them are there.
+// as wide as memory allows, filled level by level. When the eye moves, what enters a window is an L of
+// patches, and it takes the slots of those that left it. Windows are whole families of children: a patch can
+// split only when all of them are there.
 #pragma once
 
 #include <memory>
@@ -88,7 +88,7 @@ class Paging {
   std::vector<int64_t> map_bytes_;
   std::vector<Residency::Want> wants_;
   std::vector<uint32_t> dropped_;
-  std::vector<Origin> complete_;  ///< where each level's window was when all of it was there; empty: nowhere
+  std::vector<Origin> complete_;  ///< windows of which all is there, from level 1 on
 };
 
 }  // namespace lodlab::seamless

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Heights of coarse strides, gathered while rows go by: samples, or the paper's averages (pyramid.h).
 #include "methods/seamless/pyramid.h"
 
 #include <algorithm>

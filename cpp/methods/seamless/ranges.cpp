@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+// Index ranges composed for a patch's resolutions and clip, in an order that suits the vertex cache
+// (ranges.h).
 #include "methods/seamless/ranges.h"
 
 #include <algorithm>

@@ -56,7 +56,7 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
 /// of them.
 double SeamlessSession::stand_in(Selector& selector, const Budget& budget, double asked) {
   constexpr size_t kMostBlocks = 64;  // each costs all edges a look; beyond them everything becomes coarser
-  double fineness = asked;
+  double most = asked, fineness = asked;
   while (true) {
     const Precision precision = Precision::of(fineness);
     parents_.clear();
@@ -70,11 +70,11 @@ double SeamlessSession::stand_in(Selector& selector, const Budget& budget, doubl
     parents_.erase(std::unique(parents_.begin(), parents_.end()), parents_.end());
     if (selector.blocks() + parents_.size() > kMostBlocks) {
       selector.unblock();
-      fineness = selector.coarser(fineness);
-      continue;
+      fineness = most = selector.coarser(fineness);
+    } else {
+      for (const int64_t id : parents_) selector.block(hierarchy_->layout.at(id), precision);
     }
-    for (const int64_t id : parents_) selector.block(hierarchy_->layout.at(id), precision);
-    if (budget.triangles || budget.nodes) fineness = within(selector, budget, asked);
+    if (budget.triangles || budget.nodes) fineness = within(selector, budget, most);
   }
 }
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+// One view's way down the hierarchy: frustum, edges, what a pixel error and hard budgets ask for
+// (selector.h).
 #include "methods/seamless/selector.h"
 
 #include <cmath>

@@ -123,7 +123,7 @@ class Selector {
 };
 
 inline std::array<double, 4> Selector::weights(const Patch& p) const {
-  if (codes_ == nullptr) return {1.0, 1.0, 1.0, 1.0};
+  if (codes_ == nullptr) return Metric::kPaperWeights;
   const Level& level = level_of(p);
   const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
   const uint16_t* down =

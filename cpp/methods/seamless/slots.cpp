@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+// Where a height lies in its patch's slot (slots.h).
 #include "methods/seamless/slots.h"
 
 namespace lodlab::seamless {
