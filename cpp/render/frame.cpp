@@ -104,8 +104,8 @@ void submit(DrawPass& pass, const DrawCall& draw) {
   gl::check("drawing the cut");
 }
 
-/// What transform feedback writes to: as large as the largest batch so far; never destroyed, as the context is
-/// not.
+/// What transform feedback writes to: as large as the largest batch so far; never destroyed, as the context
+/// is not.
 gl::Buffer& capture_buffer() {
   constexpr int64_t kFirstBytes = int64_t{1} << 20;
   static auto* kept = new gl::Buffer(kFirstBytes);
