@@ -3,7 +3,6 @@
 #include "methods/multigrain/errors.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <mutex>
 
@@ -71,7 +70,7 @@ BlockErrors no_errors(const Layout& layout) {
 void measure_errors(const HeightRows& rows, const Layout& layout, Bounds bounds, int64_t first, int64_t last,
                     BlockErrors& out, const Progress& progress) {
   const int64_t blocks = last - first, strips = 4 * BlockErrors::pairs(out.strides);
-  std::atomic<int64_t> done = 0;
+  int64_t done = 0;  // reports come in order
   std::mutex mutex;
   parallel_for(blocks, std::clamp<int64_t>(blocks / 64, 1, 32), [&](int64_t begin, int64_t end) {
     const auto measurer = bounds == Bounds::kBilinear ? make_bilinear_measurer(rows, layout)
@@ -87,8 +86,8 @@ void measure_errors(const HeightRows& rows, const Layout& layout, Bounds bounds,
       out.low[static_cast<size_t>(i)] = low;
       out.high[static_cast<size_t>(i)] = high;
     }
-    const int64_t so_far = done += end - begin;
     const std::lock_guard lock(mutex);
+    const int64_t so_far = done += end - begin;
     if (progress) progress("errors", static_cast<double>(so_far) / static_cast<double>(blocks));
   });
 }
