@@ -402,7 +402,9 @@ def test_unexpected_errors_are_one_line_and_status_1(say, monkeypatch):
 
 def test_ctrl_c_during_a_build_leaves_nothing_under_the_final_name(tmp_path):
     target = tmp_path / "big.lod"
-    command = [sys.executable, "-m", "lodlab", "build", "fractal:size=4097", "chunked", str(target)]
+    # Where the tests run in the background of a shell, interrupts are ignored from the start.
+    command = ["env", "--default-signal=INT", sys.executable, "-m", "lodlab"]
+    command += ["build", "fractal:size=4097", "chunked", str(target)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
     while not any(tmp_path.iterdir()) and time.monotonic() < end and process.poll() is None:
