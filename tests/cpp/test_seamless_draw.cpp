@@ -217,16 +217,3 @@ TEST_CASE("a capture of millions of triangles comes in batches, a picture in one
   render::draw_picture(camera, render::Show::kShade, draw);
   CHECK(submitted.draw_calls == 1);
 }
-
-TEST_CASE("the vertices of the largest slots have 16-bit numbers") {
-  for (const int resolutions : {2, 3}) {
-    for (const bool averaged : {false, true}) {
-      Layout layout;
-      layout.rows = layout.cols = 1025;
-      layout.patch_log2 = 7;
-      layout.resolutions = resolutions;
-      const seamless::Slots slots(layout, averaged);
-      CHECK(slots.floats() <= 65536);
-    }
-  }
-}

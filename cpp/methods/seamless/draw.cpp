@@ -158,7 +158,7 @@ void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render
   glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
-  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_SHORT,
+  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
                               reinterpret_cast<const void*>(batch.first * sizeof(Command)),
                               static_cast<GLsizei>(batch.count), 0);
   gl::check("glMultiDrawElementsIndirect");

@@ -83,7 +83,7 @@ Ranges::Whole Ranges::compose(const Key& key) {
   for (const Placed& placed : all) {
     out.cells.resize(static_cast<size_t>(placed.cell) + 1, static_cast<uint32_t>(indices_.size()));
     for (size_t corner = 0; corner < 3; ++corner)
-      indices_.push_back(static_cast<uint16_t>(slots_.index(placed.t, corner)));
+      indices_.push_back(static_cast<uint32_t>(slots_.index(placed.t, corner)));
   }
   out.cells.resize(static_cast<size_t>(cells) + 1, static_cast<uint32_t>(indices_.size()));
   out.range.vertices = vertices(first, out.range.indices);
@@ -103,7 +103,7 @@ int64_t Ranges::most_bytes(const PatchMesh& mesh, const Layout& layout) {
     for (int i = 0; i < packed_count(layout.resolutions); ++i)
       triangles += mesh.triangles(unpack(i, layout.resolutions), x, y);
   }
-  return 3 * triangles * static_cast<int64_t>(sizeof(uint16_t));
+  return 3 * triangles * static_cast<int64_t>(sizeof(uint32_t));
 }
 
 }  // namespace lodlab::seamless

@@ -32,8 +32,8 @@ class Ranges {
   };
   /// Indices count from the slot's first height. A square that is not the whole patch: for those cut up.
   Range range(const Resolutions& k, int clip_x, int clip_y, const Square& square);
-  /// All of them, one after the other; only grows. A slot has at most 24,000 heights.
-  const std::vector<uint16_t>& indices() const { return indices_; }
+  /// All of them, one after the other; only grows.
+  const std::vector<uint32_t>& indices() const { return indices_; }
 
   /// Bytes of all that a layout can ask for.
   static int64_t most_bytes(const PatchMesh& mesh, const Layout& layout);
@@ -60,7 +60,7 @@ class Ranges {
   bool cut_up_;
   std::map<Key, Whole> wholes_;
   std::map<Key, Range> parts_;
-  std::vector<uint16_t> indices_;
+  std::vector<uint32_t> indices_;
 };
 
 }  // namespace lodlab::seamless
