@@ -138,6 +138,19 @@ def test_pixels_stay_below_the_worst_sample(lab: Lab) -> None:
     assert row["crack_mask_share"] > 0.8
 
 
+def test_the_border_is_known_from_nearer_than_a_cell(tmp_path: Path) -> None:
+    """Positions are rounded by the size of a cell then: three edges of `full` counted as cracks."""
+    heights = np.zeros((2, 65), np.float32)
+    heights[0, 5] = 100.0
+    spacing, origin = (16.446514402133143, 164.46514402133144), (-18.53139187682422, 18.53139187682422)
+    field = lod.HeightField(heights, spacing=spacing, origin=origin)
+    session = lod.build(field, "full", tmp_path / "f.lod", progress=False).core.session({})
+    eye = (519.4075753629301, -142.50408911698727, 6.61358626865121)
+    view = _core.View(eye, (565.7841433655626, 5.838843919851975, 0.0), size=(96, 60))
+    cut = session.select(view, _core.Budget(pixel_error=1.0))
+    assert _core.Instrument(field.core, session).examine(session, cut, view, pictures=False).crack_edges == 0
+
+
 def test_cracks_show_without_skirts(tmp_path: Path) -> None:
     lab = Lab(lod.HeightField(_core.fractal(513, 513), spacing=30.0), tmp_path)
     view = _core.View(lab.view(0.3).eye, lab.view(0.3).target, size=(480, 320))
