@@ -25,44 +25,20 @@ import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
 from lodlab.instrument.audit import any_cut
+from lodlab.stability import fields
 from tests.pictures import assert_same_picture
 
 PIXEL_SLACK = 0.01  # px; with float steps the one slack of the laws
 
 
-def cliff(rows: int, cols: int) -> np.ndarray:
-    """Two plateaus, 900 m apart, that meet in a vertical step."""
-    return np.where(np.arange(cols)[None, :] < cols // 2, 0.0, 900.0) + np.zeros((rows, 1))
-
-
-def spike(rows: int, cols: int) -> np.ndarray:
-    heights = np.zeros((rows, cols))
-    heights[rows // 3, cols // 2] = 2500.0
-    return heights
-
-
-def voids(rows: int, cols: int) -> np.ndarray:
-    """Hills with a hole at a corner, along an edge, and inside."""
-    heights = hills(rows, cols)
-    heights[: rows // 5, : cols // 5] = np.nan
-    heights[rows // 2 : rows // 2 + 3, -4:] = np.nan
-    heights[rows // 2, cols // 3 : cols // 2] = np.nan
-    return heights
-
-
-def hills(rows: int, cols: int) -> np.ndarray:
-    heights = _core.fractal(rows, cols, 11, 7, seed=3, roughness=0.5)
-    return heights.astype(np.float64)
-
-
 FIELDS = {
     "smallest": lambda: np.array([[0.0, 3.0], [1.0, 7.0]]),
-    "strip": lambda: hills(2, 150),
-    "odd": lambda: hills(131, 90),
-    "flat": lambda: np.full((67, 70), 12.5),
-    "spike": lambda: spike(90, 140),
-    "cliff": lambda: cliff(80, 121),
-    "voids": lambda: voids(130, 150),
+    "strip": lambda: fields.hills(2, 150),
+    "odd": lambda: fields.hills(131, 90),
+    "flat": lambda: fields.flat(67, 70),
+    "spike": lambda: fields.spike(90, 140),
+    "cliff": lambda: fields.cliff(80, 121),
+    "voids": lambda: fields.holed(fields.hills(130, 150)),
 }
 
 

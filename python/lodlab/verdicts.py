@@ -80,10 +80,15 @@ def stability(
     methods: Annotated[str | None, typer.Option("--methods", metavar="A,B", help="[default: all]")] = None,
     scenes: Annotated[str | None, typer.Option("--scenes", metavar="s01,s02,...", help="[default: all]")] = None,
     short: Annotated[bool, typer.Option("--short", help="Minutes instead of an hour: fewer and smaller.")] = False,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the random search, s20.")] = 0,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", metavar="S", help="How long the random search goes on, all methods.")
+    ] = None,
 ) -> None:
     """Known failures of level of detail, tried on every method.
 
-    Scenes s01 to s15, one figure each with its limit; writes stability.csv and stability.html. Status 1 on FAIL.
+    Scenes s01 to s15, one figure each with its limit, and the random search, s20; writes stability.csv and
+    stability.html. Status 1 on FAIL.
     """
     from .stability import run
 
@@ -92,6 +97,8 @@ def stability(
         methods=None if methods is None else methods.split(","),
         scenes=None if scenes is None else scenes.split(","),
         short=short,
+        seed=seed,
+        seconds=seconds,
     )
     table = result.table
     columns = ["scene", "method", "source", "figure", "value", "limit", "verdict"]

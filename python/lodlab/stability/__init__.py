@@ -72,17 +72,22 @@ def run(
     methods: Iterable[str] | None = None,
     scenes: Iterable[str] | None = None,
     short: bool = False,
+    seed: int = 0,
+    seconds: float | None = None,
     progress: bool = True,
 ) -> Stability:
     """Puts methods through scenes; writes `stability.csv`, `stability.html`, `provenance.json` and `images/`.
 
     `methods`, `scenes`: names, all when None. `short`: small sources, fewer eyes and frames: minutes; else an hour
-    at most. Rows are written as scenes end. InvalidInput: an unknown method or scene (the known ones are listed), or
-    a wrong row of by_nature.toml.
+    at most. `seed` and `seconds` are those of the random search, s20: how long it goes on, all methods together (None:
+    a number of trials). Rows are written as scenes end. InvalidInput: an unknown method or scene (the known ones are
+    listed), seconds that are not above 0, or a wrong row of by_nature.toml.
     """
     names = _known("method", methods, [m["name"] for m in _core.methods()])
     wanted = _known("scene", scenes, [s.name for s in SCENES])
     natures = rules.read()
+    if seconds is not None and not 0.0 < seconds < math.inf:
+        raise InvalidInput(f"stability: seconds is {seconds!r}; it is a number above 0")
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise InvalidInput(f"stability: {folder} is a file, not a directory")
@@ -103,7 +108,9 @@ def run(
             benches.clear()  # one source at a time: its references and stores fill memory
             gc.collect()
             benches[part.source] = Bench(part.source, folder / "stores")
-        for figure, row in _play(part, benches[part.source], short, natures):
+        each = None if seconds is None else seconds / len(names)
+        stage = Stage(benches[part.source], part.method, part.options, short, seed, each)
+        for figure, row in _play(part, stage, natures):
             rows.append(row)
             _keep_picture(folder / "images", figure, row, worst)
         rows.sort(key=lambda r: (r["scene"], names.index(r["method"])))
@@ -179,9 +186,8 @@ def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
             bar.update()
 
 
-def _play(part: Part, bench: Bench, short: bool, natures: Sequence[rules.Rule]) -> Iterator[tuple[Figure, dict]]:
+def _play(part: Part, stage: Stage, natures: Sequence[rules.Rule]) -> Iterator[tuple[Figure, dict]]:
     """The figures of one part and their rows. An error that nobody expected is a FAIL row that names it."""
-    stage = Stage(bench, part.method, part.options, short)
     options = stage.resolved_options
 
     def row(figure: Figure, limit: float, verdict: str) -> tuple[Figure, dict[str, Any]]:

@@ -15,25 +15,58 @@ from ..heightfield import HeightField
 
 RAINIER = "mt_rainier_srtm3.tif"  # of the shared data, played where it is there
 SPACING = (30.0, 40.0)
+ANY = "random"  # not a source of its own: the search draws one for each trial
 
 
-def _hills(rows: int, cols: int) -> np.ndarray:
+def hills(rows: int, cols: int) -> np.ndarray:
+    """(rows, cols) float64: a window of the generated terrain, the same wherever it is asked for."""
     return _core.fractal(rows, cols, 11, 7, seed=3, roughness=0.5).astype(np.float64)
 
 
-def _flat() -> np.ndarray:
-    return np.full((97, 130), 12.5)
+def flat(rows: int, cols: int) -> np.ndarray:
+    return np.full((rows, cols), 12.5)
 
 
-def _spike() -> np.ndarray:
-    heights = np.zeros((120, 140))
-    heights[41, 77] = 2500.0
+def spike(rows: int, cols: int) -> np.ndarray:
+    heights = np.zeros((rows, cols))
+    heights[rows // 3, cols // 2] = 2500.0
     return heights
 
 
-def _cliff() -> np.ndarray:
+def cliff(rows: int, cols: int) -> np.ndarray:
     """Two plateaus, 900 m apart, that meet in a step of one sample."""
-    return np.where(np.arange(321)[None, :] < 150, 0.0, 900.0) + np.zeros((300, 1))
+    return np.where(np.arange(cols)[None, :] < cols // 2, 0.0, 900.0) + np.zeros((rows, 1))
+
+
+def checker(rows: int, cols: int) -> np.ndarray:
+    """Every other sample 100 m high: nothing coarser comes near."""
+    return 100.0 * (np.add.outer(np.arange(rows), np.arange(cols)) % 2)
+
+
+def ramp(rows: int, cols: int) -> np.ndarray:
+    """A plane that rises by 100 m a sample."""
+    return 100.0 * np.add.outer(np.arange(rows), np.arange(cols)).astype(np.float64)
+
+
+#: Heights (rows, cols) by name: contract, scenes and search draw from them.
+SHAPES: dict[str, Callable[[int, int], np.ndarray]] = {
+    "hills": hills,
+    "flat": flat,
+    "spike": spike,
+    "cliff": cliff,
+    "checker": checker,
+    "ramp": ramp,
+}
+
+
+def holed(heights: np.ndarray) -> np.ndarray:
+    """A copy with a hole at a corner, along an edge, and inside."""
+    heights = heights.copy()
+    rows, cols = heights.shape
+    heights[: rows // 5, : cols // 5] = np.nan
+    heights[rows // 2 : rows // 2 + 3, -4:] = np.nan
+    heights[rows // 2, cols // 3 : cols // 2] = np.nan
+    return heights
 
 
 def punched(void: float) -> np.ndarray:
@@ -59,7 +92,7 @@ def _thin() -> np.ndarray:
 def _islands() -> np.ndarray:
     """Nearly everything void: a block, a line, a pair and a single sample are left."""
     heights = np.full((130, 150), np.nan)
-    heights[20:40, 30:60] = _hills(20, 30)
+    heights[20:40, 30:60] = hills(20, 30)
     heights[70, 10:140] = 100.0
     heights[100, 50:52] = 120.0
     heights[110, 110] = 90.0
@@ -77,7 +110,7 @@ def _flat_field(make: Callable[[], np.ndarray]) -> Callable[[], HeightField]:
 def sphere(height: float = 0.0, relief: float = 0.0) -> HeightField:
     """A planet of Earth's radius, 2 degrees a sample."""
     rows, cols = 91, 180
-    return HeightField(height + relief * _hills(rows, cols), planet=True)
+    return HeightField(height + relief * hills(rows, cols), planet=True)
 
 
 #: Made for one failure each.
@@ -89,16 +122,16 @@ MADE: dict[str, Callable[[], HeightField]] = {
     "voids:nearly-all": _flat_field(_islands),
     "voids:all": _flat_field(lambda: np.full((40, 50), np.nan)),
     "size:1x1": _flat_field(lambda: np.zeros((1, 1))),
-    "size:1x60": _flat_field(lambda: _hills(2, 60)[:1]),
-    "size:60x1": _flat_field(lambda: _hills(60, 2)[:, :1]),
+    "size:1x60": _flat_field(lambda: hills(2, 60)[:1]),
+    "size:60x1": _flat_field(lambda: hills(60, 2)[:, :1]),
     "size:2x2": _flat_field(lambda: np.array([[0.0, 3.0], [1.0, 7.0]])),
-    "size:2x150": _flat_field(lambda: _hills(2, 150)),
-    "size:150x2": _flat_field(lambda: _hills(150, 2)),
-    "size:128x128": _flat_field(lambda: _hills(128, 128)),
-    "size:131x90": _flat_field(lambda: _hills(131, 90)),
-    "flat": _flat_field(_flat),
-    "spike": _flat_field(_spike),
-    "cliff": _flat_field(_cliff),
+    "size:2x150": _flat_field(lambda: hills(2, 150)),
+    "size:150x2": _flat_field(lambda: hills(150, 2)),
+    "size:128x128": _flat_field(lambda: hills(128, 128)),
+    "size:131x90": _flat_field(lambda: hills(131, 90)),
+    "flat": _flat_field(lambda: flat(97, 130)),
+    "spike": _flat_field(lambda: spike(120, 140)),
+    "cliff": _flat_field(lambda: cliff(300, 321)),
     "planet:2-degrees": lambda: sphere(relief=1.0),
 }
 REFUSED = ("voids:all", "size:1x1", "size:1x60", "size:60x1")  # no height fields, by HeightField's own rule

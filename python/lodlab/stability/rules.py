@@ -17,7 +17,7 @@ from .. import results
 from ..errors import InvalidInput
 from ..stores import method_table
 
-NEVER_BY_DEFAULT = ("s01", "s02", "s07", "s11", "s12", "s13", "s14", "s15", "s16")
+NEVER_BY_DEFAULT = ("s01", "s02", "s07", "s11", "s12", "s13", "s14", "s15", "s16", "s20")
 KEYS = ("method", "options", "scene", "reason", "limit")
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from . import extremes, fields, motion, structure
+from . import extremes, fields, motion, structure, workers
 from .stage import Scene
 
 _HOME = ("jacksboro",)
@@ -31,4 +31,5 @@ SCENES: tuple[Scene, ...] = (
     Scene("s13", "Large coordinates", extremes.large_coordinates, _ROUND, _ROUND),
     Scene("s14", "Views nobody tried", extremes.extreme_views, _STEEP, _HOME),
     Scene("s15", "Budgets nobody tried", extremes.extreme_budgets, (*_HOME, "flat"), (*_HOME, "flat")),
+    Scene("s20", "Random search", workers.random_search, (fields.ANY,), (fields.ANY,)),
 )

@@ -106,7 +106,16 @@ class Bench:
 class Stage:
     """One method on one source."""
 
-    def __init__(self, bench: Bench, method: str, options: Mapping[str, Any], short: bool):
+    def __init__(
+        self,
+        bench: Bench,
+        method: str,
+        options: Mapping[str, Any],
+        short: bool,
+        seed: int = 0,
+        seconds: float | None = None,
+    ):
+        self.seed, self.seconds = seed, seconds  # of the random search; None: a number of trials
         self.bench = bench
         self.method = method
         self.table = method_table(method)
@@ -254,16 +263,21 @@ class Stage:
         count = sum(zero_if_unseen(float(getattr(found, column))) for column in columns)
         return count + zero_if_unseen(abs(found.drawn_triangles - cut.triangles))
 
-    def pixel_slack(self, view: _core.View) -> float:
-        """The one slack of the laws in pixels: 0.01, and four float steps at the distance to the eye."""
-        wide = math.tan(math.radians(view.fov) / 2.0)
-        high = wide * view.size[1] / view.size[0]
-        per_metre = view.size[0] / (2.0 * wide) * math.sqrt(1.0 + wide * wide + high * high)
-        return _core.SLACK_PIXELS + per_metre * _core.world_slack(1.0)
+    @staticmethod
+    def pixel_slack(view: _core.View) -> float:
+        return pixel_slack(view)
 
     def picture(self, session: Session, cut: Cut, view: _core.View, show: str = "shade") -> Callable[[], np.ndarray]:
         """Draws a cut when it is asked to."""
         return lambda: session.draw(cut, view, show).image
+
+
+def pixel_slack(view: _core.View) -> float:
+    """The one slack of the laws in pixels: 0.01, and four float steps at the distance to the eye."""
+    wide = math.tan(math.radians(view.fov) / 2.0)
+    high = wide * view.size[1] / view.size[0]
+    per_metre = view.size[0] / (2.0 * wide) * math.sqrt(1.0 + wide * wide + high * high)
+    return _core.SLACK_PIXELS + per_metre * _core.world_slack(1.0)
 
 
 def look(eye: Any, target: Any, **values: Any) -> _core.View:

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: MIT
+"""The random search: what it draws, that it sees what is wrong, and that a crash costs one trial. It is itself run by
+the short form of the suite (test_stability)."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+import lodlab as lod
+from lodlab import stability
+from lodlab.errors import InvalidInput
+from lodlab.stability import replay, rules, search, trials, workers
+from lodlab.stability.trials import PAGING, Ground, Trial, draw_trial
+
+METHODS = [m["name"] for m in lod.methods()]
+VIEW = {
+    "kind": "over", "at": [0.0, 0.0], "to": [0.5, 0.5], "way": [-0.5, 0.4, 0.3], "away": 1.0, "fov": 60.0,
+    "size": [96, 64], "near": None, "up": None,
+}  # fmt: skip
+HILLS = {
+    "rows": 70, "cols": 60, "shape": "hills", "seed": 1, "height": 1.0, "base": 0.0, "voids": None,
+    "spacing": [30.0, 40.0], "origin": [0.0, 0.0],
+}  # fmt: skip
+
+
+def frames(*budgets: dict) -> list[dict]:
+    return [{"view": VIEW, "budget": budget} for budget in budgets]
+
+
+PLAIN = Trial("chunked", "frames", HILLS, frames=frames({"pixel_error": 2.0}, {"triangles": ["least", 1]}))
+DEEP = dataclasses.replace(PLAIN, build={"leaf": 8, "chunk_triangles": 64})
+
+
+def laws(trial: Trial, folder: Path) -> set[str]:
+    return {law for law, _ in search.play(trial, folder).broken}
+
+
+# ---- what is drawn --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_trial_is_drawn_again_from_its_line(method: str) -> None:
+    assert draw_trial(method, 3, 17) == draw_trial(method, 3, 17)
+    assert draw_trial(method, 3, 17) != draw_trial(method, 3, 18)
+    assert draw_trial(method, 3, 17).name == f"python -m lodlab.stability.replay {method} 3 17"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_both_ends_of_every_option_are_drawn(method: str) -> None:
+    drawn: dict[str, set] = {}
+    for i in range(600):
+        trial = draw_trial(method, 0, i)
+        for name, value in (trial.build | trial.draw).items():
+            drawn.setdefault(name, set()).add(value)
+    for option in lod.methods()[METHODS.index(method)]["options"]:
+        if option["name"] in PAGING:
+            continue
+        ends = option.get("choices") or option.get("range") or ([True, False] if option["type"] == "bool" else [])
+        assert set(ends) <= drawn[option["name"]], option["name"]
+
+
+def test_every_kind_of_trial_view_and_source_is_drawn() -> None:
+    kinds, views, sources = set(), set(), set()
+    for i in range(300):
+        trial = draw_trial("multigrain", 0, i)
+        kinds.add(trial.kind)
+        views |= {frame["view"]["kind"] for frame in trial.frames}
+        sources.add("flat" if "spacing" in trial.source else "globe" if trial.source["degrees"] is None else "window")
+    assert kinds == set(trials.KINDS) and views == set(trials.VIEWS)
+    assert sources == {"flat", "globe", "window"}
+
+
+def test_views_lie_where_their_name_says() -> None:
+    source = trials.make_source(HILLS)
+    ground = Ground(source)
+
+    def eye(kind: str) -> object:
+        return trials.make_view(ground, VIEW | {"kind": kind}).eye
+
+    assert eye("under")[2] < source.heights.min()
+    assert abs(eye("grazing") - ground.sample(0.0, 0.0)).max() < 0.1 * ground.relief + ground.cell
+    assert tuple(eye("sample")) == tuple(ground.sample(0.0, 0.0))
+    assert abs(eye("far")).max() > 3.0 * ground.span
+
+
+# ---- what is seen ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", trials.KINDS)
+def test_nothing_is_broken_on_hills(tmp_path: Path, kind: str) -> None:
+    draw = {"stream": True, "gpu_cache_mb": 24, "cpu_cache_mb": 24} if kind == "stream" else {}
+    found = search.play(dataclasses.replace(PLAIN, kind=kind, draw=draw), tmp_path)
+    assert found.broken == [] and found.refused == []
+    wanted = {"bounds", "holes", "cracks", "flaws", "capture"}
+    wanted |= {"cuts": {"source"}, "stream": {"caches", "settles"}}.get(kind, {"error", "openly", "least"})
+    assert wanted <= set(found.checks)
+
+
+def test_a_claim_that_does_not_hold_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lod.Cut, "predicted_px", property(lambda cut: 0.001 * cut.core.predicted_px))
+    assert "error" in laws(DEEP, tmp_path)
+
+
+def test_a_budget_that_is_not_kept_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = search._Player.fly
+
+    def generous(player: object, flying: object, view: object, values: dict) -> lod.Cut:
+        return real(player, flying, view, {"pixel_error": 1e-9})
+
+    monkeypatch.setattr(search._Player, "fly", generous)
+    assert {"hard", "openly"} <= laws(PLAIN, tmp_path)
+
+
+def test_a_least_that_is_not_the_least_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = search._Player.spent
+    monkeypatch.setattr(search._Player, "spent", lambda *args: 10 * real(*args))
+    assert "least" in laws(PLAIN, tmp_path)
+
+
+def test_what_an_option_gives_up_is_seen_or_by_nature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cracked = dataclasses.replace(DEEP, kind="cuts", draw={"cracks": "none"}, frames=4 * frames({}))
+    monkeypatch.setattr(search, "_natures", list)
+    assert laws(cracked, tmp_path / "a") == {"cracks"}
+    row = rules.Rule("chunked", {"cracks": "none"}, search.SCENE, "shows them on purpose", 0.0, "cracks")
+    monkeypatch.setattr(search, "_natures", lambda: [row])
+    found = search.play(cracked, tmp_path / "b")
+    assert found.broken == [] and found.by_nature["cracks"] > 0
+
+
+def test_an_error_that_is_not_typed_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*args: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(search._Player, "fly", fails)
+    assert laws(PLAIN, tmp_path) == {"typed"}
+
+
+def test_a_refusal_counts_where_nothing_may_be_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*args: object) -> None:
+        raise InvalidInput("select: this view is not to my taste, sorry")
+
+    odd = search.play(dataclasses.replace(PLAIN, build={"leaf": 5}), tmp_path)
+    assert odd.broken == [] and "leaf" in odd.refused[0]
+    monkeypatch.setattr(search._Player, "fly", refuses)
+    assert laws(PLAIN, tmp_path) == {"accepted"}
+
+
+def test_a_find_is_made_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lod.Cut, "predicted_px", property(lambda cut: -1.0))
+    large = dataclasses.replace(PLAIN, draw={"morph": "false"}, source=HILLS | {"voids": "holed", "base": 5.0})
+    small = replay.shrink(large, "finite", seconds=20.0)
+    assert small.draw == {} and len(small.frames) == 1
+    assert small.source["voids"] is None and small.source["shape"] == "flat"
+    assert (small.source["rows"], small.source["cols"]) == (2, 2)
+
+
+def test_the_snippet_of_a_find_plays_it() -> None:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        exec(replay.snippet(draw_trial("chunked", 0, 0)), {})
+    assert said.getvalue().startswith("[")
+
+
+# ---- processes ------------------------------------------------------------------------------------
+
+
+def stumbling(trial: Trial, folder: Path) -> search.Found:
+    """Dies in trial 1, hangs in trial 2, finds nothing in the others."""
+    number = int(trial.name.split()[-1])
+    if number == 1:
+        os.abort()
+    if number == 2:
+        time.sleep(600)
+    return search.Found()
+
+
+def test_a_crash_and_a_hang_cost_one_trial_each() -> None:
+    found = dict(workers.search("full", trials=5, jobs=2, act=stumbling, patience=3.0))
+    assert sorted(found) == [0, 1, 2, 3, 4]
+    broken = {index: f.broken for index, f in found.items() if f.broken}
+    assert set(broken) == {1, 2}
+    assert broken[1] == [("crash", "the process ended with signal 6")]
+    assert broken[2][0][0] == "crash" and "no answer" in broken[2][0][1]
+
+
+def test_trials_do_not_depend_on_the_number_of_workers() -> None:
+    one, two = ({i: f.checks for i, f in workers.search("chunked", trials=6, jobs=jobs)} for jobs in (1, 2))
+    assert one == two and sum(one[0].values()) > 0
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])
+def test_seconds_that_are_none_are_refused(tmp_path: Path, seconds: float) -> None:
+    with pytest.raises(InvalidInput, match="seconds"):
+        stability.run(tmp_path, scenes=["s20"], seconds=seconds, progress=False)
