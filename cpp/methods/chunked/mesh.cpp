@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Emission of a chunk: recursive bisection from the parent's two triangles. Below a triangle that the
 // parent draws whole, a new vertex lies on that triangle: its target is the mean of the hypotenuse's
-// targets, exact in fixed point, so that a chunk drawn at its targets is its parent's surface.
+// targets, exact in fixed point, so that a chunk drawn at its targets is its parent's surface. The order is a
+// Sierpinski curve's, which serves the vertex cache and the index codec as it is.
 //
 // Triangles that cross the field's border are cut there. The cut meets every edge of the mesh at a whole
 // grid position (edges are axis-parallel or diagonal), so neighbours and levels agree on it.
@@ -94,11 +95,11 @@ const ChunkMesh& ChunkMesher::build(int level, int32_t x, int32_t y) {
   const Corner nw = corner(px, py), ne = corner(px + side, py), sw = corner(px, py + side),
                se = corner(px + side, py + side);
   if (main_diagonal(px, py, side)) {
-    split(ne, nw, se, false);
-    split(sw, se, nw, false);
+    split(ne, nw, se, false, true);
+    split(sw, se, nw, false, true);
   } else {
-    split(nw, sw, ne, false);
-    split(se, ne, sw, false);
+    split(nw, sw, ne, false, true);
+    split(se, ne, sw, false, true);
   }
   mesh_.surface_vertices = static_cast<uint32_t>(mesh_.vertices.size());
   mesh_.surface_indices = static_cast<uint32_t>(mesh_.indices.size());
@@ -114,7 +115,7 @@ const ChunkMesh& ChunkMesher::build(int level, int32_t x, int32_t y) {
 }
 
 /// apex, b, c run clockwise in (column, row), which is counter-clockwise seen from above.
-void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool in_parent) {
+void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool in_parent, bool from_b) {
   const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
   const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
   const Layout& layout = grid_.layout();
@@ -127,7 +128,7 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
       p.index = vertex(p.x, p.y, grid_.k(p.x, p.y), p.target);
       return p;
     };
-    bisect(place(a), place(b), place(c), in_parent);
+    bisect(place(a), place(b), place(c), in_parent, from_b);
     return;
   }
   const int32_t mx = (b.x + c.x) / 2, my = (b.y + c.y) / 2;
@@ -139,12 +140,13 @@ void ChunkMesher::split(const Corner& a, const Corner& b, const Corner& c, bool 
   }
   in_parent = in_parent || !(error > parent_limit_);
   const Corner m{mx, my, in_parent ? (b.target + c.target) / 2 : grid_.k(mx, my) * kOne, 0};
-  split(m, a, b, in_parent);
-  split(m, c, a, in_parent);
+  if (from_b) split(m, a, b, in_parent, false);
+  split(m, c, a, in_parent, !from_b);
+  if (!from_b) split(m, a, b, in_parent, true);
 }
 
 /// The same for a triangle inside chunk and field: nothing to test but the error.
-void ChunkMesher::bisect(const Corner& a, const Corner& b, const Corner& c, bool in_parent) {
+void ChunkMesher::bisect(const Corner& a, const Corner& b, const Corner& c, bool in_parent, bool from_b) {
   const bool divisible = (((b.x ^ c.x) | (b.y ^ c.y)) & 1) == 0;
   const int32_t mx = (b.x + c.x) / 2, my = (b.y + c.y) / 2;
   const float error = divisible ? grid_.error(mx, my) : 0.0f;
@@ -159,8 +161,9 @@ void ChunkMesher::bisect(const Corner& a, const Corner& b, const Corner& c, bool
   const int32_t z = grid_.k(mx, my);
   Corner m{mx, my, in_parent ? (b.target + c.target) / 2 : z * kOne, 0};
   m.index = vertex(mx, my, z, m.target);
-  bisect(m, a, b, in_parent);
-  bisect(m, c, a, in_parent);
+  if (from_b) bisect(m, a, b, in_parent, false);
+  bisect(m, c, a, in_parent, !from_b);
+  if (!from_b) bisect(m, a, b, in_parent, true);
 }
 
 void ChunkMesher::emit_clipped(const Corner& a, const Corner& b, const Corner& c) {

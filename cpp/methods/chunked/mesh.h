@@ -59,8 +59,10 @@ class ChunkMesher {
     int64_t target;  // height on the parent's mesh, in 2^-32 quanta: every midpoint is exact
     uint32_t index;  // in the mesh; only below bisect()
   };
-  void split(const Corner& apex, const Corner& b, const Corner& c, bool in_parent);
-  void bisect(const Corner& apex, const Corner& b, const Corner& c, bool in_parent);
+  // Triangles leave along a Sierpinski curve: from corner b to corner c (from_b) or back, so that each shares
+  // an edge with the one before it.
+  void split(const Corner& apex, const Corner& b, const Corner& c, bool in_parent, bool from_b);
+  void bisect(const Corner& apex, const Corner& b, const Corner& c, bool in_parent, bool from_b);
   void emit_clipped(const Corner& a, const Corner& b, const Corner& c);
   uint32_t vertex(int32_t x, int32_t y, int32_t z, int64_t target);
   Corner corner(int32_t x, int32_t y) const;

@@ -24,10 +24,8 @@ void decode_indices(const StoredHead& head, const unsigned char* data, std::byte
 }  // namespace
 
 Bytes encode_page(const ChunkMesh& mesh) {
-  // Only the surface is reordered; skirts keep their order along the edge and their bottoms come last.
+  // Vertices of the surface by first use; the bottoms of skirts come last, along the edge.
   std::vector<uint32_t> indices(mesh.indices);
-  meshopt_optimizeVertexCacheStrip(indices.data(), mesh.indices.data(), mesh.surface_indices,
-                                   mesh.surface_vertices);
   std::vector<uint32_t> remap(mesh.surface_vertices);
   meshopt_optimizeVertexFetchRemap(remap.data(), indices.data(), mesh.surface_indices, mesh.surface_vertices);
   std::vector<Vertex> vertices(mesh.vertices);
