@@ -174,11 +174,11 @@ def test_progress_is_called_here_and_may_stop_the_build(large: lodlab.HeightFiel
         if len(calls) == 3:
             raise ArithmeticError("enough")
 
+    start = time.monotonic()
     with pytest.raises(ArithmeticError, match="enough"):
         _core.build(large.core, "chunked", path, OPTIONS, "new", progress)
     assert all(stage and 0.0 <= share <= 1.0 for _, stage, share in calls)
-    gaps = [after[0] - before[0] for before, after in zip(calls, calls[1:], strict=False)]
-    assert min(gaps) > 0.03  # at most about 20 a second; the last one, when all is done, may come sooner
+    assert calls[2][0] - start > 0.09  # at most about 20 a second, on however busy a machine
     assert not path.exists()
 
 

@@ -179,7 +179,7 @@ def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(store, terrain, ins
     for view in flyover_views(terrain, count=4):
         cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0, triangles=40_000))
         assert row["triangles"] <= 40_000
-        assert row["frame_ms"] < 200  # one read takes as long: this frame did none
+        assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"
         assert measure(instrument, session, cut, view, instrument.reference(view))["crack_pixels"] == 0
 
 
