@@ -228,13 +228,18 @@ def info(
         verdicts.print_audit(audited, json_=False)
 
 
+APPLICATION_ID = b"lodl"  # of stores, in the header of their SQLite file
+
+
 def is_store(what: str) -> bool:
     """True for files that say that they are a store, by name or by their first bytes."""
     file = Path(what)
     if not file.is_file():
         return file.suffix == ".lod"
     with file.open("rb") as opened:
-        return opened.read(15) == b"SQLite format 3" or file.suffix == ".lod"
+        head = opened.read(72)
+    ours = head.startswith(b"SQLite format 3") and head[68:72] == APPLICATION_ID
+    return ours or file.suffix == ".lod"
 
 
 def source_info(text: str) -> dict[str, Any]:
@@ -246,6 +251,7 @@ def source_info(text: str) -> dict[str, Any]:
     hidden = flat if field.planet else round_
     return {
         "source": field.spec,
+        **field.used,
         **{k: v for k, v in frame.items() if k not in hidden},
         "samples": field.shape[0] * field.shape[1],
         "void_samples": field.void_samples,

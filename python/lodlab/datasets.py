@@ -13,8 +13,8 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .heightfield import DEFAULT_SPACING, EARTH_RADIUS, HeightField, format_spec, make_frame, positive, window_samples
-from .raster import metres_per_degree
+from .heightfield import DEFAULT_SPACING, HeightField, format_spec, make_frame, positive, window_samples
+from .placement import metres_per_degree
 from .windowed import FractalReader, WindowedHeightField
 
 
@@ -72,7 +72,7 @@ def _earth(
     vertical_scale: float = 1.0,
     nodata: float | None = None,
     planet: bool = False,
-    radius: float = EARTH_RADIUS,
+    radius: float | None = None,
     window: tuple[int, int, int, int] | None = None,
 ) -> HeightField:
     with resources.as_file(resources.files(__package__) / "data" / "etopo5_earth.tif") as path:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,13 +19,16 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .raster import Placement, RasterWindows, open_raster
+from .placement import Placement
+from .plausible import Rounding, Slopes, check_heights, marked
+from .raster import Raster, absolute, open_raster, title
 
 EARTH_RADIUS = 6371000.0
 DEFAULT_SPACING = 30.0
 MAX_SAMPLES = 2**31
 WINDOW_SAMPLES = 64_000_000
 EXACT_IN_FLOAT32 = 2**24
+_ROWS = 256  # that are computed in double together
 _SNAP = 0.01  # of a sample: geotransforms carry the rounding of their decimals
 
 
@@ -83,10 +87,11 @@ def _origin(value: Any) -> tuple[float, float]:
         raise InvalidInput(f"height field: origin {value!r} is not (x0, y0)") from None
 
 
-def _nodata(value: Any) -> float | None:
-    """The mark of voids, or None."""
+def _nodata(value: Any) -> tuple[float, ...]:
+    """The marks of voids."""
+    several = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str)
     try:
-        return None if value is None else float(value)
+        return () if value is None else tuple(map(float, value if several else (value,)))
     except (TypeError, ValueError):
         raise InvalidInput(f"height field: nodata {value!r} is not a number") from None
 
@@ -110,33 +115,28 @@ def _check_array(array: np.ndarray, name: str) -> None:
         raise InvalidInput(f"height field: {name} has shape {array.shape}: more than 2^31 samples")
 
 
-def _valid_mask(array: np.ndarray, nodata: float | None, given: np.ndarray | None) -> np.ndarray | None:
+def _valid_mask(array: np.ndarray, marks: tuple[float, ...], given: np.ndarray | None) -> np.ndarray | None:
     """(H, W) bool, or None when every sample is real."""
-    void = None
-    if array.dtype.kind == "f":
-        void = np.isnan(array)
-        if nodata is not None and not math.isnan(nodata):
-            with np.errstate(over="ignore"):
-                void |= array == array.dtype.type(nodata)
-    elif nodata is not None and float(nodata).is_integer():
-        limits = np.iinfo(array.dtype)
-        if limits.min <= int(nodata) <= limits.max:
-            void = array == array.dtype.type(int(nodata))
+    void = np.isnan(array) if array.dtype.kind == "f" else None
+    for mark in marks:
+        if (here := marked(array, mark)) is not None:
+            void = here if void is None else void | here
     if given is not None:
         void = ~given if void is None else void | ~given
     return ~void if void is not None and void.any() else None
 
 
 def _to_float32(array: np.ndarray, scale: float, offset: float) -> np.ndarray:
-    """array * scale + offset, computed in double, as C-contiguous float32."""
+    """array * scale + offset, computed in double and rounded once, as C-contiguous float32."""
     out = np.empty(array.shape, np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         if scale == 1.0 and offset == 0.0:
             np.copyto(out, array, casting="unsafe")
-        else:
+        elif offset == 0.0:
             np.multiply(array, scale, out=out, dtype=np.float64, casting="unsafe")
-            if offset != 0.0:
-                np.add(out, offset, out=out, dtype=np.float64, casting="unsafe")
+        else:
+            for row in range(0, len(array), _ROWS):
+                out[row : row + _ROWS] = array[row : row + _ROWS].astype(np.float64) * scale + offset
     return out
 
 
@@ -147,25 +147,30 @@ def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offs
     where = True if valid is None else valid
     low = int(np.min(array, where=where, initial=np.iinfo(array.dtype).max))
     high = int(np.max(array, where=where, initial=np.iinfo(array.dtype).min))
-    return scale if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
+    return abs(scale) if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
 
 
 class HeightField:
     """A grid of heights, flat (metres, z up) or on a planet (radius over longitude and latitude).
 
+    Axes: x runs east along the columns, y north, so that y falls down the rows: sample (row, column) lies at
+    x = x0 + column dx, y = y0 - row dy, and of an array with the default origin all y are 0 or below. A planet's
+    axis is z, longitude 0 on +x.
+
     Parameters
     ----------
     array: (H, W) real numbers of any integer or floating dtype, at least 2 x 2, at most 2^31 samples; need
-        not be contiguous. Stored as float32: float64 and wide integers are rounded. NaN is void, and so are
-        the masked samples of a masked array.
+        not be contiguous. Stored as float32: float64 and wide integers are rounded, with a warning where more
+        than 1/65536 of their relief is lost. NaN is void, and so are the masked samples of a masked array.
     spacing: metres between samples, one number or (dx, dy). Default 30. Not for planets.
     vertical_scale: factor on the heights.
-    nodata: one more value that means void, before scaling.
+    nodata: one more value that means void, or several, before scaling; of floats the last two bits may differ.
     planet: heights above a sphere of `radius` metres. Without `degrees`, the array covers the sphere:
         columns from 0 degrees east round to 360, rows from 90 north to 90 south.
     origin: (x0, y0), metres: the centre of the first sample. Not for planets.
     degrees: (lon0, lat0, dlon, dlat) of a planet's samples. A last column that repeats the first, 360
         degrees further, is dropped.
+    offset: added to the heights before vertical_scale.
 
     Raises
     ------
@@ -179,7 +184,7 @@ class HeightField:
         array: Any,
         spacing: float | tuple[float, float] | None = None,
         vertical_scale: float = 1.0,
-        nodata: float | None = None,
+        nodata: float | Sequence[float] | None = None,
         planet: bool = False,
         radius: float = EARTH_RADIUS,
         origin: tuple[float, float] = (0.0, 0.0),
@@ -188,23 +193,32 @@ class HeightField:
         name: str = "array",
         spec: str = "",
         offset: float = 0.0,
+        raster: Raster | None = None,
     ) -> None:
         given = None
         if isinstance(array, np.ma.MaskedArray):
             given = ~np.ma.getmaskarray(array)
             array = array.data
         array = _as_array(array, name)
-        nodata = _nodata(nodata)
+        marks = _nodata(nodata)
         _check_array(array, name)
         scale = positive("vertical_scale", vertical_scale)
+        offset = _finite("offset", offset) * scale
+        if raster is not None:  # the array is its samples
+            scale, offset = _scaling(raster, vertical_scale, offset)
         frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
         array = array[:, :columns]
         given = None if given is None else given[:, :columns]
-        valid = _valid_mask(array, nodata, given)
+        valid = _valid_mask(array, marks, given)
         if valid is not None and not valid.any():
             raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
-        heights = _to_float32(array, scale, offset * scale)
+        heights = _to_float32(array, scale, offset)
+        if raster is not None:
+            check_heights(heights, valid, array, raster.place.path, raster.declares)
         _check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
+        rounding = Rounding()
+        rounding.add(array, heights, valid, scale, offset)
+        rounding.warn(name)
         frame["height_step"] = _height_step(array, valid, scale, offset)
         mask = None
         if valid is not None:
@@ -214,6 +228,7 @@ class HeightField:
         self._core = _core.HeightField(heights, mask, **frame, spec=spec)
         self.name = name
         self._hash: str | None = None
+        self.used = {} if raster is None else raster.place.used()
 
     @classmethod
     def open(
@@ -221,72 +236,90 @@ class HeightField:
         path: str | os.PathLike[str],
         spacing: float | tuple[float, float] | None = None,
         vertical_scale: float = 1.0,
-        nodata: float | str | None = None,
+        nodata: float | Sequence[float] | str | None = None,
         planet: bool = False,
-        radius: float = EARTH_RADIUS,
+        radius: float | None = None,
         *,
         band: int | None = None,
         window: tuple[int, int, int, int] | None = None,
+        encoding: str | None = None,
+        offset: float = 0.0,
         name: str | None = None,
         dataset: str | None = None,
     ) -> HeightField:
-        """Reads a raster: GeoTIFF and what else rasterio reads, or what OpenImageIO reads (EXR).
+        """Reads a raster: GeoTIFF and what else rasterio opens (virtual paths and subdatasets as
+        `zip://f.zip!x.tif`, `/vsigzip/f.tif.gz`, `NETCDF:f.nc:var`, `GPKG:f.gpkg:T` among it), `.npy`,
+        `f.npz:NAME`, or what OpenImageIO reads (EXR).
 
-        The geotransform gives the axes: south-up and mirrored rasters are turned, rotated ones refused.
-        Geographic degrees become metres by the WGS84 lengths of a degree at the raster's middle latitude,
-        feet become metres. `spacing` overrides the geotransform; without either it is 30.
+        The geotransform gives the axes, or ground control points that hold a scale and a shift: south-up and
+        mirrored rasters are turned, rotated ones refused. Units are those that the file declares: of x and y by
+        its reference system, of heights by its band, else by its reference system; degrees become metres by the
+        lengths of a degree on its ellipsoid at the raster's middle latitude. What declares nothing is in metres.
+        `spacing` overrides the geotransform; without either it is 30. `used` says what was used.
 
-        nodata: overrides the raster's; "none": every sample is real. Where a raster declares none and its
-            lowest value is a customary mark (-9999, -32767, -32768, ...) far below all others, a warning
-            says so and those samples are void.
-        band: from 1; needed where there are several.
+        nodata: overrides the raster's; several are possible; "none": every sample is real. Where a raster
+            declares none and its lowest or highest value is a customary mark (-9999, 32767, ...) far from all
+            others, a warning says so and those samples are void.
+        radius: of a planet, metres. Default 6371000, and for other bodies the mean radius of the ellipsoid.
+        band: from 1; needed where there are several, but for grey with opacity.
         window: (row0, col0, rows, cols), row 0 north: only these samples are read.
+        encoding: "terrarium" or "mapbox": heights that red, green and blue hold together.
+        offset: metres, added to the heights before vertical_scale.
 
         Raises InvalidInput naming the path: missing, a directory, unreadable, not a raster, damaged,
-        several bands, rotated, planet without degrees; and as the constructor does.
+        several bands, a palette, rotated, a height that cannot be, planet without degrees; and as the
+        constructor does.
         """
-        keep_all = isinstance(nodata, str)
-        if keep_all and nodata != "none":
+        if isinstance(nodata, str) and nodata != "none":
             raise InvalidInput(f"height field: nodata {nodata!r} is neither a number nor 'none'")
-        raster = open_raster(path, band=band, window=window, nodata=nodata, most=window_samples())
-        if not (math.isfinite(raster.scale) and raster.scale > 0 and math.isfinite(raster.offset)):
-            raise InvalidInput(
-                f"open {os.fspath(path)}: its band has scale {raster.scale:g} and offset {raster.offset:g}; "
-                "a positive scale and a finite offset are needed"
-            )
-        vertical_scale = positive("vertical_scale", vertical_scale)
+        marks = nodata if nodata is None or isinstance(nodata, str) else _nodata(nodata)
+        text = os.fspath(path)
+        text = absolute(text) or text
+        raster = open_raster(text, band=band, window=window, nodata=marks, encoding=encoding, most=window_samples())
+        vertical_scale, offset = positive("vertical_scale", vertical_scale), _finite("offset", offset)
+        place = raster.place
+        usual = EARTH_RADIUS if place.reference.earthly or not planet else place.reference.mean_radius
         keys: dict[str, Any] = {
             "spacing": spacing,
             "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
-            "nodata": raster.guessed if raster.guessed is not None else nodata,
+            "nodata": raster.guessed or nodata,
             "planet": True if planet else None,
-            "radius": None if radius == EARTH_RADIUS else radius,
+            "radius": None if radius is None or radius == usual else radius,
             "band": band,
             "window": window,
+            "encoding": encoding,
+            "offset": None if offset == 0.0 else offset,
         }
-        placed = _planet_place(raster.place, raster.whole) if planet else _flat_place(raster.place, spacing)
+        radius = usual if radius is None else radius
+        placed = _planet_place(place, raster.whole) if planet else _flat_place(place, spacing)
         if planet:
             placed["spacing"] = spacing  # refused by the constructor when given
-        name = name or os.path.splitext(os.path.basename(os.fspath(path)))[0]
-        spec = format_spec(dataset or os.path.abspath(os.fspath(path)), keys)
-        scale, offset = vertical_scale * raster.scale, raster.offset / raster.scale
-        if isinstance(raster.samples, RasterWindows):
+        name = name or title(text)
+        spec = format_spec(dataset or (text if absolute(text) else os.path.abspath(text)), keys)
+        if not isinstance(raster.samples, np.ndarray):
             from .windowed import RasterReader, WindowedHeightField
 
             frame, cols = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
-            reader = RasterReader(raster.samples, cols, raster.nodata, nodata is None, scale, offset * scale)
-            return WindowedHeightField(reader, frame, name, spec)
-        return cls(
+            scaling = _scaling(raster, vertical_scale, offset * vertical_scale)
+            reader = RasterReader(raster, cols, nodata is None and encoding is None, scaling, vertical_scale)
+            return WindowedHeightField(reader, frame, name, spec, place.used())
+        field = cls(
             raster.samples,
-            vertical_scale=scale,
+            vertical_scale=vertical_scale,
             nodata=raster.nodata,
             planet=planet,
             radius=radius,
             name=name,
             spec=spec,
             offset=offset,
+            raster=raster,
             **placed,
         )
+        if not planet:
+            slopes = Slopes(field.spacing[0], vertical_scale)
+            slopes.add(field.filled, None if field._core.valid is None else field.valid)
+            slopes.warn(text, _unplaced(place))
+        return field
 
     @property
     def core(self) -> Any:
@@ -377,18 +410,28 @@ class HeightField:
         """What a worker process needs to have the same field."""
         core = self._core
         frame = {k: v for k, v in core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
-        return {"arrays": (core.heights, core.valid), "frame": frame, "spec": core.spec, "name": self.name}
+        kept = {"spec": core.spec, "name": self.name, "used": self.used}
+        return {"arrays": (core.heights, core.valid), "frame": frame, **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._core = _core.HeightField(*state["arrays"], **state["frame"], spec=state["spec"])
         self.name = state["name"]
+        self.used = state.get("used", {})
         self._hash = None
+
+    @property
+    def where(self) -> str:
+        """Spacing and extent, in words; of a planet its radius."""
+        if self.planet:
+            return f"planet of radius {self.radius:g} m"
+        (rows, cols), (dx, dy), (x0, y0) = self.shape, self.spacing, self.origin
+        extent = f"x {x0:.10g} to {x0 + (cols - 1) * dx:.10g}, y {y0:.10g} down to {y0 - (rows - 1) * dy:.10g} m"
+        return f"spacing {dx:.6g} x {dy:.6g} m, {extent}"
 
     def __repr__(self) -> str:
         core = self._core
         voids = self.void_samples
-        where = f"planet of radius {core.radius:g} m" if core.planet else f"spacing {core.dx:.6g} x {core.dy:.6g} m"
-        parts = [f"{core.rows} x {core.cols}", where, f"heights {core.z_min:g} to {core.z_max:g} m"]
+        parts = [f"{core.rows} x {core.cols}", self.where, f"heights {core.z_min:g} to {core.z_max:g} m"]
         return f"<HeightField {self.name}: {', '.join(parts)}{f', {voids} voids' if voids else ''}>"
 
     def thumbnail(self, width: int = 256) -> np.ndarray:
@@ -412,6 +455,34 @@ class HeightField:
             f'<figure style="margin:0"><img alt="hillshade" src="data:image/png;base64,{picture}">'
             f"<figcaption>{text}</figcaption></figure>"
         )
+
+
+def _finite(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"height field: {what} {value!r} is not a number") from None
+    if not math.isfinite(number):
+        raise InvalidInput(f"height field: {what} {value!r} is not finite")
+    return number
+
+
+def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[float, float]:
+    """Factor and summand that make heights of a raster's samples; `offset` is added, metres."""
+    if not (math.isfinite(raster.scale) and raster.scale != 0 and math.isfinite(raster.offset)):
+        raise InvalidInput(
+            f"open {raster.place.path}: its band has scale {raster.scale:g} and offset {raster.offset:g}; a scale that "
+            "is not 0 and a finite offset are needed"
+        )
+    scale = vertical_scale * (raster.scale * raster.place.vertical)
+    return scale, raster.offset / raster.scale * scale + offset
+
+
+def _unplaced(place: Placement) -> str:
+    """What may be wrong where spacing and heights cannot belong together."""
+    if place.known and not place.reference.name:
+        return "; it has no reference system: are these degrees? Give spacing=METRES, or assign the system"
+    return "; give spacing=METRES or vertical_scale=FACTOR"
 
 
 def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:
@@ -474,6 +545,12 @@ def make_frame(
 
 def _flat_place(place: Placement, spacing: float | tuple[float, float] | None) -> dict[str, Any]:
     """spacing and origin of a raster, metres."""
+    if spacing is None and not place.known and place.reference.name:
+        warnings.warn(
+            f"{place.path}: it has a reference system ({place.reference.name}), but nothing says where its samples "
+            f"lie; they are taken as {DEFAULT_SPACING:g} m apart (spacing=METRES says otherwise)",
+            stacklevel=3,
+        )
     if spacing is not None or not place.known:
         dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
         return {"spacing": (dx, dy), "origin": (place.col0 * dx, -place.row0 * dy)}
@@ -487,6 +564,9 @@ def _planet_place(place: Placement, whole: tuple[int, int]) -> dict[str, Any]:
     if not place.known:
         dlon, dlat = 360.0 / whole[1], 180.0 / (whole[0] - 1)
         return {"degrees": (place.col0 * dlon, 90.0 - place.row0 * dlat, dlon, dlat)}
-    if not place.geographic:
-        raise InvalidInput(f"height field: planet=true needs longitude and latitude; {place.path} is projected")
-    return {"degrees": (*place.first, *place.step)}
+    reference = place.reference
+    if not reference.geographic or reference.derived:
+        kind = "has rotated poles" if reference.derived else "is projected"
+        raise InvalidInput(f"height field: planet=true needs longitude and latitude; {place.path} {kind}")
+    lon, lat = (v * reference.unit for v in place.first)
+    return {"degrees": (lon + reference.meridian, lat, *(v * reference.unit for v in place.step))}

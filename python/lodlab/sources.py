@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """SOURCE texts: `NAME_OR_FILE[:key=value,...]`, as `earth:vertical_scale=20` or `dem.png:spacing=30`.
 
-An existing file of that whole name wins. Bare file names are looked up from the working directory, then in
+What lies inside a file is named as GDAL names it, or `FILE.npz:ARRAY`. An existing file of that whole name wins.
+Bare file names are looked up from the working directory, then in
 the folder of further data (`LODLAB_DATA`, default `../shared/data` beside the repository).
 """
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from .errors import InvalidInput
 from .heightfield import HeightField
+from .raster import absolute
 
 __all__ = ["HeightField", "SourceSpec", "as_source", "data_folder", "find_file", "load", "parse"]
 
@@ -65,8 +67,11 @@ def _spacing(text: str) -> float | tuple[float, float]:
     return values if len(values) == 2 else values[0]
 
 
-def _nodata(text: str) -> float | str:
-    return "none" if text.lower() == "none" else float(text)
+def _nodata(text: str) -> float | tuple[float, ...] | str:
+    if text.lower() == "none":
+        return "none"
+    values = tuple(float(v) for v in text.split("/"))
+    return values if len(values) > 1 else values[0]
 
 
 def _window(text: str) -> tuple[int, ...]:
@@ -87,21 +92,23 @@ class Key:
 KEYS = {
     "spacing": Key(_spacing, "metres, or dx/dy"),
     "vertical_scale": Key(_number, "a positive number"),
-    "nodata": Key(_nodata, "a number or none"),
+    "nodata": Key(_nodata, "a number, several as A/B, or none"),
     "planet": Key(_flag, "true or false"),
     "radius": Key(_number, "metres"),
     "band": Key(_whole, "a whole number from 1"),
     "window": Key(_window, "row0/col0/rows/cols"),
+    "encoding": Key(str, "terrarium or mapbox"),
+    "offset": Key(_number, "metres"),
     "size": Key(_whole, "a whole number from 2"),
     "seed": Key(_whole, "a whole number from 0"),
     "roughness": Key(_number, "a number from 0 to 1"),
 }
-FILE_KEYS = ("spacing", "vertical_scale", "nodata", "planet", "radius", "band", "window")
+FILE_KEYS = ("spacing", "vertical_scale", "nodata", "planet", "radius", "band", "window", "encoding", "offset")
 
 
 @dataclass(frozen=True)
 class SourceSpec:
-    """What a SOURCE text says: a data set's name or a file's absolute path, and its keys."""
+    """What a SOURCE text says: a data set's name or a file's absolute path (or what of it), and its keys."""
 
     name: str
     is_file: bool
@@ -144,9 +151,12 @@ def parse(text: str | os.PathLike[str]) -> SourceSpec:
     if head in DATASETS:
         owner = f"'{head}'"
         return SourceSpec(head, False, _read_keys(text, tail, DATASETS[head].keys, owner) if colon else {})
+    keyed = bool(colon) and all("=" in part for part in tail.split(","))
+    name = head if keyed else text
+    if (inside := absolute(name, find_file)) is not None:
+        return SourceSpec(inside, True, _read_keys(text, tail, FILE_KEYS, "a raster") if keyed else {})
     if colon and (path := find_file(head)) is not None:
         return SourceSpec(os.path.abspath(path), True, _read_keys(text, tail, FILE_KEYS, "a raster file"))
-    name = head if colon and all("=" in part for part in tail.split(",")) else text
     folder = data_folder()
     where = f"the working directory or {folder}" if folder is not None else "the working directory"
     raise InvalidInput(

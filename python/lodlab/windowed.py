@@ -10,19 +10,21 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import numpy as np
 
 from . import _core
 from .errors import InvalidInput, Unsupported
-from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask, window_samples
-from .raster import MARKS
+from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _unplaced, _valid_mask, window_samples
+from .plausible import MARKS, Rounding, Slopes, check_heights, extremes, outlying
+from .raster import Raster
 
 _SIDE = 256  # of the patches that are kept
 _PATCHES = 64
 _STRIP = 1 << 22  # samples
+Look = Callable[[np.ndarray, np.ndarray, "np.ndarray | None", int], None]
 
 
 class Reader(Protocol):
@@ -44,7 +46,10 @@ class WindowedHeightField(HeightField):
 
     windowed = True
 
-    def __init__(self, reader: Reader, frame: dict[str, Any], name: str, spec: str) -> None:
+    def __init__(
+        self, reader: Reader, frame: dict[str, Any], name: str, spec: str, used: dict[str, str] | None = None
+    ) -> None:
+        self.used = used or {}
         self._reader = reader
         self._frame = frame
         self._spec = spec
@@ -77,7 +82,7 @@ class WindowedHeightField(HeightField):
         """The same field in memory."""
         frame = {k: v for k, v in self._core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
         heights, mask = self._reader.window(0, 0, *self.shape)
-        state = {"arrays": (heights, mask), "frame": frame, "spec": self._spec, "name": self.name}
+        state = {"arrays": (heights, mask), "frame": frame, "spec": self._spec, "name": self.name, "used": self.used}
         field = HeightField.__new__(HeightField)
         field.__setstate__(state)
         return field
@@ -157,16 +162,14 @@ class WindowedHeightField(HeightField):
 
     def __getstate__(self) -> dict[str, Any]:
         """What a worker process needs to read the same field."""
-        return {"reader": self._reader, "frame": self._frame, "spec": self._spec, "name": self.name}
+        state = {"reader": self._reader, "frame": self._frame, "spec": self._spec}
+        return state | {"name": self.name, "used": self.used}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)
 
     def __repr__(self) -> str:
-        where = (
-            f"planet of radius {self.radius:g} m" if self.planet else "spacing {:.6g} x {:.6g} m".format(*self.spacing)
-        )
-        return f"<HeightField {self.name}: {self.shape[0]} x {self.shape[1]}, {where}, read by windows>"
+        return f"<HeightField {self.name}: {self.shape[0]} x {self.shape[1]}, {self.where}, read by windows>"
 
 
 def _size(shape: tuple[int, int]) -> str:
@@ -233,11 +236,16 @@ class FractalReader:
 
 
 class RasterReader:
-    """A raster file's band as heights; `source` is a lodlab.raster.RasterWindows, `cols` what is used of its width."""
+    """A raster whose samples are read by windows, as heights; `cols`: what is used of its width; `guess`: undeclared
+    marks are looked for; `scaling`: factor and summand of the samples, `vertical_scale` within."""
 
-    def __init__(self, source: Any, cols: int, nodata: float | None, guess: bool, scale: float, offset: float) -> None:
-        self._source, self._cols, self._nodata, self._guess = source, cols, nodata, guess
-        self._scale, self._offset = scale, offset
+    def __init__(
+        self, raster: Raster, cols: int, guess: bool, scaling: tuple[float, float], vertical_scale: float
+    ) -> None:
+        self._source, self._marks, self._place = raster.samples, raster.nodata, raster.place
+        self._says = raster.declares
+        self._cols, self._guess, self._vertical_scale = cols, guess, vertical_scale
+        self._scale, self._offset = scaling
         self._strip: tuple[int, np.ndarray] | None = None  # the last one that was filled
 
     def __getstate__(self) -> dict[str, Any]:
@@ -245,7 +253,10 @@ class RasterReader:
 
     def window(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
         """As Reader.window."""
-        heights, mask = self._read(row, col, rows, cols)
+        return self._window(row, col, rows, cols, lambda *_: None)
+
+    def _window(self, row: int, col: int, rows: int, cols: int, look: Look) -> tuple[np.ndarray, np.ndarray | None]:
+        heights, mask = self._read(row, col, rows, cols, look)
         if mask is not None:
             height = self._strip_rows()
             for k in range(row // height, (row + rows - 1) // height + 1):
@@ -255,11 +266,14 @@ class RasterReader:
                     heights[first - row : last - row] = filled
         return heights, mask
 
-    def _read(self, row: int, col: int, rows: int, cols: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """Heights, anything in voids, and the mask, None without voids."""
+    def _read(
+        self, row: int, col: int, rows: int, cols: int, look: Look = lambda *_: None
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Heights, anything in voids, and the mask, None without voids. `look` sees samples, heights, mask, row."""
         samples, given = self._source.read(row, col, rows, cols)
-        valid = _valid_mask(samples, self._nodata, given)
+        valid = _valid_mask(samples, self._marks, given)
         heights = _to_float32(samples, self._scale, self._offset)
+        look(samples, heights, valid, row)
         return heights, None if valid is None else np.ascontiguousarray(valid).view(np.uint8)
 
     def _strip_rows(self) -> int:
@@ -283,29 +297,56 @@ class RasterReader:
         """As Reader.open."""
         keys = {k: v for k, v in frame.items() if k not in ("rows", "cols")}
         rows, cols = frame["rows"], frame["cols"]
+        rounding, slopes = Rounding(), Slopes(frame["dx"], self._vertical_scale)
+
+        def look(samples: np.ndarray, heights: np.ndarray, valid: np.ndarray | None, row: int) -> None:
+            check_heights(heights, valid, samples, self._source.path, self._says, row)
+            rounding.add(samples, heights, valid, self._scale, self._offset)
+            slopes.add(heights, valid)
+
+        looks = [look]  # while the field is surveyed
 
         def read(row: int, count: int) -> tuple[np.ndarray, np.ndarray | None]:
-            return self.window(row, 0, count, cols)
+            return self._window(row, 0, count, cols, looks[0])
 
         if self._source.dtype.kind in "iu" and self._offset == 0.0 and self._exact():
-            keys["height_step"] = self._scale
+            keys["height_step"] = abs(self._scale)
         field = _core.WindowedField(rows, cols, read, spec=spec, progress=progress, at_once=_STRIP, **keys)
-        lowest = (field.z_min - self._offset) / self._scale
-        if self._nodata is None and self._guess and any(math.isclose(lowest, mark, rel_tol=1e-6) for mark in MARKS):
-            raise InvalidInput(
-                f"open {self._source.path}: its lowest height is {lowest:g}, a customary mark of voids that it does "
-                f"not declare; nodata={lowest:g} takes it as void, nodata=none as a height"
-            )
+        looks[0] = lambda *_: None
+        ends = [(z - self._offset) / self._scale for z in (field.z_min, field.z_max)]
+        if self._guess and any(math.isclose(end, mark, rel_tol=1e-6) for end in ends for mark in MARKS):
+            self._ask()
+        rounding.warn(self._source.path)
+        if not frame["planet"]:
+            slopes.warn(self._source.path, _unplaced(self._place))
         return field
+
+    def _ask(self) -> None:
+        """InvalidInput where the file uses a mark that it does not declare."""
+
+        def among(marks: tuple[float, ...]) -> tuple[float, float]:
+            pieces = [extremes(samples, valid, marks) for samples, valid in self._pieces()]
+            return min(low for low, _ in pieces), max(high for _, high in pieces)
+
+        if found := outlying(*among(()), among):
+            mark = "/".join(f"{v:.17g}" for v in found)
+            raise InvalidInput(
+                f"open {self._source.path}: it holds {mark}, a customary mark of voids that it does not declare; "
+                f"nodata={mark} takes it as void, nodata=none as a height"
+            )
+
+    def _pieces(self) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        """All samples as stored, and which are real by mask and declaration."""
+        step = max(1, _STRIP // self._cols)
+        for row in range(0, self._source.shape[0], step):
+            samples, given = self._source.read(row, 0, min(step, self._source.shape[0] - row), self._cols)
+            yield samples, _valid_mask(samples, self._marks, given)
 
     def _exact(self) -> bool:
         """Whether 32-bit floats hold all its integers; reads them all where their type does not say it."""
         if self._source.dtype.itemsize <= 2:
             return True
-        step = max(1, _STRIP // self._cols)
-        for row in range(0, self._source.shape[0], step):
-            samples, given = self._source.read(row, 0, min(step, self._source.shape[0] - row), self._cols)
-            valid = _valid_mask(samples, self._nodata, given)
+        for samples, valid in self._pieces():
             real = samples if valid is None else samples[valid]
             if real.size and max(-int(real.min()), int(real.max())) > EXACT_IN_FLOAT32:
                 return False
