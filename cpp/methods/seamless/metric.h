@@ -59,8 +59,8 @@ class Distances {
     const double south = south_ - static_cast<double>(p.y + 1) * level.height;
     const double west = east_ - static_cast<double>(p.x) * level.width;
     const double east = east_ - static_cast<double>(p.x + 1) * level.width;
-    const double beside_x = nearest_ ? std::max({-west, east, 0.0}) : 0.5 * (west + east);
-    const double beside_y = nearest_ ? std::max({-north, south, 0.0}) : 0.5 * (north + south);
+    const double beside_x = nearest_ ? std::max(std::max(-west, east), 0.0) : 0.5 * (west + east);
+    const double beside_y = nearest_ ? std::max(std::max(-north, south), 0.0) : 0.5 * (north + south);
     const std::array<double, 4> across{north, east, south, west},
         along{beside_x, beside_y, beside_x, beside_y};
     std::array<double, 4> out;

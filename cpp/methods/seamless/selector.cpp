@@ -99,7 +99,7 @@ void Selector::push_children() {
 
 void Selector::block(const Patch& p, const Precision& precision) {
   const Level& level = level_of(p);
-  const Reach far = reach(p, weights(p), precision.rho);
+  const Reach far = reach(level_of(p), weights(level_of(p), p), precision.rho);
   const double most = *std::max_element(far.begin(), far.end()) * (1.0 + 1e-9);
   blocks_.push_back({(static_cast<double>(p.x) + 0.5) * level.width,
                      (static_cast<double>(p.y) + 0.5) * level.height,
@@ -108,7 +108,7 @@ void Selector::block(const Patch& p, const Precision& precision) {
 
 bool Selector::blocked(const Patch& p, const Precision& precision) const {
   return !blocks_.empty() && p.level + 1 < layout_.levels &&
-         Edges(reach(p, weights(p), precision.rho), distances_.of(level_of(p), p), precision.away).split();
+         Edges(reach(level_of(p), weights(level_of(p), p), precision.rho), distances_.of(level_of(p), p), precision.away).split();
 }
 
 /// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
@@ -199,9 +199,10 @@ double Selector::fineness_for(double tau) {
 
 /// Raises the fineness to what a visible patch asks for; true when it then splits.
 bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
-  const std::array<double, 4> weight = weights(p);
+  const Level& level = level_of(p);
+  const std::array<double, 4> weight = weights(level, p);
   for (;;) {
-    const Edges seen = edges(p, weight, Precision::of(fineness));
+    const Edges seen = edges(level, p, weight, Precision::of(fineness));
     if (p.level + 1 < layout_.levels && seen.split()) return true;
     const std::optional<double> more = asks(p, weight, seen, tau);
     if (!more || *more <= fineness) return false;

@@ -72,17 +72,18 @@ class Selector {
  private:
   static constexpr uint8_t kOutside = 0xff;
 
-  Edges edges(const Patch& p, const std::array<double, 4>& weight, const Precision& precision) const {
-    const Reach far = reach(p, weight, precision.rho);
-    if (blocks_.empty()) return {far, distances_.of(level_of(p), p), precision.away};
+  Edges edges(const Level& level, const Patch& p, const std::array<double, 4>& weight,
+              const Precision& precision) const {
+    const Reach far = reach(level, weight, precision.rho);
+    if (blocks_.empty()) return {far, distances_.of(level, p), precision.away};
     return {far, pushed_away(p), precision.away};
   }
   /// Squared distances of a patch's edges, with what is blocked.
   std::array<double, 4> pushed_away(const Patch& p) const;
   uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
-  Reach reach(const Patch& p, const std::array<double, 4>& weight, double rho) const;
+  Reach reach(const Level& level, const std::array<double, 4>& weight, double rho) const;
   bool parts_for(const Patch& p, double tau, double& fineness) const;
-  std::array<double, 4> weights(const Patch& p) const;
+  std::array<double, 4> weights(const Level& level, const Patch& p) const;
   double edge_error(const Patch& p, Edge e, int k) const;
   /// The fineness at which an edge's epsilon exceeds a threshold.
   double needed(const Patch& p, double weight, double distance, double threshold) const;
@@ -122,9 +123,8 @@ class Selector {
   std::vector<Block> blocks_;
 };
 
-inline std::array<double, 4> Selector::weights(const Patch& p) const {
+inline std::array<double, 4> Selector::weights(const Level& level, const Patch& p) const {
   if (codes_ == nullptr) return Metric::kPaperWeights;
-  const Level& level = level_of(p);
   const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
   const uint16_t* down =
       codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
@@ -133,10 +133,10 @@ inline std::array<double, 4> Selector::weights(const Patch& p) const {
           book.weight(down[0])};
 }
 
-inline Reach Selector::reach(const Patch& p, const std::array<double, 4>& w, double rho) const {
-  const double length = level_of(p).length, base = metric_.base();
+inline Reach Selector::reach(const Level& level, const std::array<double, 4>& w, double rho) const {
+  const double base = metric_.base();
   Reach out;
-  for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * length;
+  for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * level.length;
   return out;
 }
 
@@ -153,13 +153,15 @@ void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
   here_.assign(1, {root, planes_cutting(root, all_planes_)});
   while (!here_.empty()) {
     parted_.clear();
+    const Level level = level_of(here_.front().patch);  // of all that are here; a copy, which nothing can alter
+    const bool last = here_.front().patch.level + 1 == layout_.levels;
     for (const Step& step : here_) {
       if (scope == Scope::kVisible && step.planes == kOutside) continue;
       ++traversed;
       const Patch& p = step.patch;
-      const std::array<double, 4> weight = weights(p);
-      const Edges seen = edges(p, weight, precision);
-      if (p.level + 1 < layout_.levels && seen.split()) {
+      const std::array<double, 4> weight = weights(level, p);
+      const Edges seen = edges(level, p, weight, precision);
+      if (!last && seen.split()) {
         parted_.push_back(step);
         continue;
       }
