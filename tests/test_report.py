@@ -231,6 +231,69 @@ def test_series_are_named_by_what_varies(swept):
     assert len({colour for colour, _ in looks.values()}) == 3 and len({marker for _, marker in looks.values()}) == 3
 
 
+def study(swept, leaves):
+    """The sweep, flown with other values of `leaf` as well, a little slower each."""
+    import pandas as pd
+
+    frames, summary = [swept.frames], [swept.summary]
+    for i, leaf in enumerate(leaves):
+        for tables, of in ((frames, swept.frames), (summary, swept.summary)):
+            rows = of[of["method"] == "chunked"].copy()
+            rows["options"] = rows["options"].str.replace('"leaf":16', f'"leaf":{leaf}')
+            rows["run"] = rows["run"] + f"-leaf={leaf}"
+            times = [c for c in rows if c.startswith("frame_ms")]
+            rows[times] *= 1.05 + 0.05 * i
+            tables.append(rows)
+    return lod.Sweep(None, *(pd.concat(tables, ignore_index=True) for tables in (frames, summary)))
+
+
+@pytest.mark.parametrize("leaves", [(32, 64, 128), range(17, 40)])
+def test_curves_of_a_parameter_study_differ_in_colour_and_are_named_beside_them(swept, leaves):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    result = study(swept, leaves)
+    series = charts.series_of(result.summary)
+    for theme in ("light", "dark"):
+        looks = charts.dress(series, theme)
+        assert len({colour for colour, _ in looks.values()}) == len(series) == len(leaves) + 2
+    figure = Figure(layout="constrained")
+    FigureCanvasAgg(figure)
+    charts.pareto(result)._draw(figure, "light")
+    figure.canvas.draw()
+    times, triangles = figure.axes  # only one method: no row for others
+    assert "chunked" in times.get_title(loc="left")
+    legend = triangles.get_legend()
+    assert [t.get_text() for t in legend.get_texts()] == ["full", *(f"leaf {leaf}" for leaf in (16, *leaves))]
+    page = figure.bbox
+    names = [t.get_window_extent() for t in legend.get_texts()]
+    assert all(box.x0 >= triangles.bbox.x1 and box.x1 <= page.x1 for box in names)
+    budgets = [t.get_window_extent() for t in times.texts]
+    assert len(budgets) == 2  # at the first curve alone
+    for boxes in (names, budgets):
+        assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[i + 1 :])
+
+
+def test_methods_without_a_study_keep_a_row_of_panels_together(swept):
+    import pandas as pd
+
+    result = study(swept, (32, 64))
+    other = result.summary[result.summary["method"] == "chunked"].head(2).copy()
+    other["method"] = "seamless"
+    rows = charts._studies(pd.concat([result.summary, other], ignore_index=True))
+    assert [(suffix, sorted(set(part["method"]))) for suffix, part in rows] == [
+        ("", ["full", "seamless"]), (" · chunked", ["chunked", "full"])
+    ]  # fmt: skip
+
+
+def test_many_runs_have_a_timeline_for_each_curve(swept):
+    assert report._timeline(swept).count('<figure class="chart">') == 1
+    many = study(swept, (32, 64, 128))
+    page = report._timeline(many)
+    assert page.count('<figure class="chart">') == 4
+    assert [f"leaf {leaf}." in page for leaf in (16, 32, 64, 128)] == [True] * 4
+
+
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
     [(10, 200, [10, 20, 50, 100, 200]), (4.0, 9.0, [4, 5, 6, 8]), (1, 1e5, [1, 10, 100, 1e3, 1e4, 1e5])],

@@ -3,7 +3,8 @@
 project; `timeline`: the frames of runs along their path.
 
 Legible at 700 pixels' width: direct labels instead of legends, colours of Okabe and Ito (told apart by
-colour-blind readers) with a marker shape for each method, and a light and a dark dress.
+colour-blind readers) with a marker shape for each method, and a light and a dark dress. A method that was flown
+under several sets of options has a row of panels of its own, where colour follows what varies.
 
 Longer than other files: both charts share its scales, marks and dresses.
 """
@@ -41,6 +42,7 @@ INK = {
 RESOLVED = 0.01  # pixels: the slack of the laws; errors below it stand on the line of zero
 BASELINE = "full"
 PANEL = (232.0, 228.0)  # points: the size of one panel of `pareto`, near enough to place labels
+STUDY_PANEL = (190.0, 228.0)  # the same in a figure with a legend
 
 
 class Chart:
@@ -156,15 +158,46 @@ def series_of(summary: Any) -> list[Series]:
 
 
 def dress(series: list[Series], theme: str) -> dict[str, tuple[str, str]]:
-    """Colour and marker for each label; the baseline takes the ink and a star."""
+    """Colour and marker for each label; the baseline takes the ink and a star. The curves of one method, or more
+    of them than there are colours, take a scale of colours in their order."""
     out, n = {}, 0
+    curves = [item for item in series if not item.baseline]
+    colours = COLOURS[theme]
+    if len(curves) > len(colours) or (len(curves) > 2 and len({item.method for item in curves}) == 1):
+        colours = _scale_of_colours(len(curves), theme)
     for item in series:
         if item.baseline:
             out[item.label] = (INK[theme]["full"], "*")
         else:
-            out[item.label] = (COLOURS[theme][n % len(COLOURS[theme])], MARKERS[n % len(MARKERS)])
+            out[item.label] = (colours[n], MARKERS[n % len(MARKERS)])
             n += 1
     return out
+
+
+def _scale_of_colours(count: int, theme: str) -> list[str]:
+    """So many colours of viridis, which orders them for every reader, without its end that the page swallows."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    low, high = (0.0, 0.85) if theme == "light" else (0.25, 1.0)
+    return [to_hex(colormaps["viridis"](at)) for at in np.linspace(low, high, count)]
+
+
+def _is_study(series: list[Series]) -> bool:
+    """Whether some method has several curves."""
+    methods = [item.method for item in series if not item.baseline]
+    return len(methods) > len(set(methods))
+
+
+def _studies(rows: Any) -> list[tuple[str, Any]]:
+    """A group's rows as (suffix of its name, rows of one row of panels): methods of one set of options together,
+    each other method by itself, the baseline with all."""
+    sets = rows.groupby("method", sort=False)["options"].nunique()
+    baseline = rows["method"] == BASELINE
+    studied = [method for method, count in sets.items() if count > 1 and method != BASELINE]
+    others = rows[~rows["method"].isin(studied)]
+    together = [("", others)] if not studied or (others["method"] != BASELINE).any() else []
+    return together + [(f" · {method}", rows[baseline | (rows["method"] == method)]) for method in studied]
 
 
 def budget_label(row: Any) -> str:
@@ -196,7 +229,8 @@ def pareto(result: Any) -> Chart:
     """Measured error (the worst over a run's measured frames) against median frame time and triangles.
 
     `result`: Run, Sweep, a list of them, or a run directory. A row of two panels for each source and path; a
-    curve per method, a point per budget. Thin bars reach from the 5th to the 95th percentile of the frames, thick
+    curve per method, a point per budget; a further row for each method that was flown under several sets of
+    options, a curve for each. Thin bars reach from the 5th to the 95th percentile of the frames, thick
     ones over the 95 % interval of the median time. Times that chance and the noise floor do not tell apart are
     marked: dashed between neighbours of a curve, dotted between curves at one budget, hollow where it is `full`'s.
     """
@@ -207,18 +241,20 @@ def pareto(result: Any) -> Chart:
         raise InvalidInput("pareto: no run was measured (accuracy frames 0)")
     spread = frames.groupby("run")[["frame_ms", "triangles"]].quantile([0.05, 0.95]).unstack()
     clock = _Clock(frames, summary, statistics.noise_floor(noise))
+    measured = summary[summary["measured_px_max_worst"].notna()]
     groups = [
-        (f"{short_source(source)} · {Path(path).stem}", rows)
-        for (source, path), rows in summary[summary["measured_px_max_worst"].notna()].groupby(
-            ["source", "path"], sort=False
-        )
+        (f"{short_source(source)} · {Path(path).stem}{suffix}", part)
+        for (source, path), rows in measured.groupby(["source", "path"], sort=False)
+        for suffix, part in _studies(rows)
     ]
+
+    panel = STUDY_PANEL if any(_is_study(series_of(rows)) for _, rows in groups) else PANEL
 
     def draw(figure: Any, theme: str) -> None:
         figure.set_size_inches(7.4, 3.9 * len(groups) + 0.1)
         grid = figure.subplots(len(groups), 2, sharey="row", squeeze=False)
         for axes, (name, rows) in zip(grid, groups, strict=True):
-            _pareto_row(axes, name, rows, spread, clock, theme)
+            _pareto_row(axes, name, rows, spread, clock, theme, panel)
         figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.04)
 
     return Chart(draw, "measured error against frame time and triangles")
@@ -257,10 +293,13 @@ class _Clock:
 _INTERVAL = ("frame_ms_median_low", "frame_ms_median_high")
 
 
-def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str) -> None:
+def _pareto_row(
+    axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str, panel: tuple[float, float]
+) -> None:  # fmt: skip
     ink = INK[theme]
     series = series_of(rows)
     look = dress(series, theme)
+    study = _is_study(series)
     scale = _ErrorScale(rows["measured_px_max_worst"].to_numpy(float))
     columns = (("frame_ms", clock.label), ("triangles", "median triangles per frame"))
     for ax, (column, label) in zip(axes, columns, strict=True):
@@ -280,12 +319,27 @@ def _pareto_row(axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, the
         for item in series:
             _curve(ax, item, column, scale, spread, *look[item.label], ink, judge, series)
         if judge is not None:
-            _ties(ax, series, scale, judge, ink)
-        _label(ax, series, column, scale, look, ink)
+            _ties(ax, series, scale, judge, ink, neighbours=study)
+        _label(ax, series, column, scale, look, ink, panel, study)
         _ticks(ax, scale)
     axes[0].set_ylabel("worst measured error (px)")
     axes[0].set_title(name, loc="left", fontsize=10.5, fontweight="bold")
     axes[1].set_title("down and left is better", loc="right", fontsize=8.5, color=ink["faint"])
+    if study:
+        _legend(axes[1], series, look, ink)
+
+
+def _legend(ax: Any, series: list[Series], look: Any, ink: Any) -> None:
+    """The curves of one method beside the panels: where they lie on one another, no label at a curve is legible."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=look[s.label][0], marker=look[s.label][1], markersize=10 if s.baseline else 6.5,
+               markeredgecolor=ink["page"], linewidth=0 if s.baseline else 1.8, label=s.label)
+        for s in series
+    ]  # fmt: skip
+    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=8.5,
+              borderaxespad=0.0)  # fmt: skip
 
 
 class _ErrorScale:
@@ -340,12 +394,13 @@ def _curve(
         )  # fmt: skip
 
 
-def _ties(ax: Any, series: list[Series], scale: _ErrorScale, clock: _Clock, ink: Any) -> None:
-    """Dotted lines between points of two curves at one budget whose times are not told apart."""
+def _ties(ax: Any, series: list[Series], scale: _ErrorScale, clock: _Clock, ink: Any, neighbours: bool) -> None:
+    """Dotted lines between points of two curves at one budget whose times are not told apart; of `neighbours`
+    alone where the curves are in an order."""
     keys = ["budget_pixel_error", "budget_triangles", "budget_nodes"]
     curves = [item.points for item in series if not item.baseline]
     for i, first in enumerate(curves):
-        for second in curves[i + 1 :]:
+        for second in curves[i + 1 : i + 2 if neighbours else None]:
             for _, tie in first.merge(second, on=keys, suffixes=("", "_other")).iterrows():
                 if not clock.apart(tie["run"], tie["run_other"]):
                     errors = np.array([tie["measured_px_max_worst"], tie["measured_px_max_worst_other"]], float)
@@ -353,28 +408,34 @@ def _ties(ax: Any, series: list[Series], scale: _ErrorScale, clock: _Clock, ink:
                     ax.plot(times, scale.place(errors), color=ink["text"], linewidth=1.6, dashes=(1, 1.2), zorder=3.2)
 
 
-def _label(ax: Any, series: list[Series], column: str, scale: _ErrorScale, look: Any, ink: Any) -> None:
-    """Budgets at their points, methods at the end of their curves."""
+def _label(
+    ax: Any, series: list[Series], column: str, scale: _ErrorScale, look: Any, ink: Any, panel: tuple[float, float],
+    study: bool,
+) -> None:  # fmt: skip
+    """Budgets at their points, methods at the end of their curves. In a study the legend names the curves, and
+    budgets stand at the first one alone: the others have the same, in the same order."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    first = next((item for item in series if not item.baseline), None)
 
     def spot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        across = np.log(x / left) / math.log(right / left) * PANEL[0]
-        return np.column_stack([across, np.log(y / low) / math.log(high / low) * PANEL[1]])
+        across = np.log(x / left) / math.log(right / left) * panel[0]
+        return np.column_stack([across, np.log(y / low) / math.log(high / low) * panel[1]])
 
     curves, ends, budgets = [], [], []
     for item in series:
         y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
         curve = spot(item.points[f"{column}_median"].to_numpy(float), y)
         end = int(np.argmax(y))
-        ends.append((Label(item.label, *curve[end], 10.0, ABOVE), look[item.label][0], "bold"))
-        if not item.baseline:
+        if not study:
+            ends.append((Label(item.label, *curve[end], 10.0, ABOVE), look[item.label][0], "bold"))
+        if item is first if study else not item.baseline:
             texts = [budget_label(row) for _, row in item.points.iterrows()]
             budgets += [(Label(t, *c, 8.0), ink["faint"], "normal") for t, c in zip(texts, curve, strict=True)]
         curves.append(curve)
     ends.sort(key=lambda end: -end[0].y)
-    place([label for label, _, _ in budgets + ends], curves, PANEL)
+    place([label for label, _, _ in budgets + ends], curves, panel)
     for label, colour, weight in budgets + ends:
-        at = ((label.x + label.dx) / PANEL[0], (label.y + label.dy) / PANEL[1])
+        at = ((label.x + label.dx) / panel[0], (label.y + label.dy) / panel[1])
         ax.text(*at, label.text, transform=ax.transAxes, fontsize=label.size, color=colour, fontweight=weight,
                 ha="center", va="center", zorder=4)  # fmt: skip
 

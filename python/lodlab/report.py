@@ -22,6 +22,7 @@ from urllib.parse import quote
 import numpy as np
 
 from . import charts, pictures
+from .charts import BASELINE
 from .errors import InvalidInput
 from .figures import number, percent
 from .laws import judge
@@ -237,14 +238,23 @@ def write(directory: str | os.PathLike[str]) -> Path:
     return folder / "report.html"
 
 
+MOST_LINES = 8  # of a timeline; with more, every curve of the chart above has one of its own
+
+
 def _timeline(result: Sweep) -> str:
-    """A timeline for each source and path."""
+    """A timeline for each source and path, and where that is many lines for each curve, the baseline beside it."""
     parts = []
-    for (source, path), rows in result.summary.groupby(["source", "path"], sort=False):
-        frames = result.frames[result.frames["run"].isin(rows["run"])]
-        several = len(result.summary.groupby(["source", "path"])) > 1
-        title = f"{html.escape(short_source(source))}, {html.escape(Path(path).stem)}. " if several else ""
-        parts.append(_chart(charts.timeline(Sweep(None, frames, rows)), title + _TIMELINE_CAPTION))
+    groups = result.summary.groupby(["source", "path"], sort=False)
+    for (source, path), rows in groups:
+        named = [f"{short_source(source)}, {Path(path).stem}"] if len(groups) > 1 else []
+        series = charts.series_of(rows)
+        split = len(rows) > MOST_LINES
+        for item in [s for s in series if not s.baseline] if split else [None]:
+            runs = rows if item is None else rows[rows["run"].isin(item.points["run"]) | (rows["method"] == BASELINE)]
+            frames = result.frames[result.frames["run"].isin(runs["run"])]
+            title = ". ".join([*named, *([item.label] if item else []), ""]).strip()
+            caption = f"{html.escape(title)} {_TIMELINE_CAPTION}".strip()
+            parts.append(_chart(charts.timeline(Sweep(None, frames, runs)), caption))
     return "".join(parts)
 
 
