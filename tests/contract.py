@@ -101,6 +101,8 @@ class MethodContract:
     build_options: ClassVar[dict[str, object]] = {}
     #: A pixel error that the cut by itself reaches anywhere.
     loose: ClassVar[float] = 4.0
+    #: What runs in a child that is killed: `build_for_ever`, or another where the child needs another core.
+    forever: ClassVar = None
 
     @pytest.fixture(scope="class", params=sorted(FIELDS))
     @classmethod
@@ -330,7 +332,7 @@ class MethodContract:
         path = tmp_path / "killed.lod"
         context = multiprocessing.get_context("spawn")
         ready = context.Event()
-        child = context.Process(target=build_for_ever, args=(self.method, str(path), ready))
+        child = context.Process(target=self.forever or build_for_ever, args=(self.method, str(path), ready))
         child.start()
         assert ready.wait(60)
         time.sleep(delay)
