@@ -117,7 +117,7 @@ def orbit(ground: Ground) -> PoseAt:
         def round_the_middle(t: float) -> Pose:
             a = 2.0 * math.pi * t - 0.5 * math.pi
             eye = ground.place(ground.centre, ring * math.cos(a), ring * math.sin(a), altitude)
-            return _pose(ground, eye, target)
+            return _pose(ground, _lifted(ground, eye, 0.05 * ground.extent), target)  # above an outlier
 
         return round_the_middle
 

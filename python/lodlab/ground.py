@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +19,21 @@ from .heightfield import HeightField
 
 Vec = np.ndarray  # (3,) float64
 _BAND = 256  # rows that are looked at together
+_NARROW = 7  # samples: what is narrower, and stands out of all others, is an outlier
+_TAIL = 2.0  # per cent of the samples at either end, beside which outliers are looked for
+_GLANCE = 1 << 17  # samples that make the percentiles
+
+
+@dataclass(frozen=True)
+class _Relief:
+    """Highest and lowest sample of each of up to 24 x 24 blocks, outliers left out, and between which heights there
+    is none: the percentiles 2 and 98, widened by as much as they are apart."""
+
+    row_cuts: np.ndarray
+    col_cuts: np.ndarray
+    tops: np.ndarray
+    lows: np.ndarray
+    fence: tuple[float, float]
 
 
 class Ground:
@@ -28,7 +45,6 @@ class Ground:
         self.heights = field.grid
         self.rows, self.cols = core.rows, core.cols
         self.planet, self.radius = core.planet, core.radius
-        self.low, self.high = core.z_min, core.z_max
         if self.planet:
             middle = math.radians(core.lat0 - 0.5 * (self.rows - 1) * core.dlat)
             width = (self.cols - (0 if core.wraps else 1)) * math.radians(core.dlon) * self.radius
@@ -82,7 +98,8 @@ class Ground:
         return self.altitude(point) - self.height_below(point)
 
     def samples_near(self, point: Vec, reach: float) -> np.ndarray:
-        """The samples within `reach` metres east, west, north and south of a point, at most 64 samples away."""
+        """The samples within `reach` metres east, west, north and south of a point, at most 64 samples away;
+        outliers as what they stand on."""
         row, col = self.cell_of(point)
         dx = self.core.dx
         if self.planet:
@@ -91,8 +108,7 @@ class Ground:
         n_col = min(max(math.ceil(reach / dx), 1), 64)
         rows = slice(max(int(row) - n_row, 0), int(row) + n_row + 2)
         cols = np.arange(int(col) - n_col, int(col) + n_col + 2)
-        cols = cols % self.cols if self.core.wraps else np.clip(cols, 0, self.cols - 1)
-        return self.heights[rows, cols]
+        return self._calm(rows.start, min(rows.stop, self.rows), cols)
 
     def up(self, point: Vec) -> Vec:
         """Unit vector away from the ground."""
@@ -125,20 +141,45 @@ class Ground:
                 cols = (cols + 0.5 * self.cols) % self.cols - 0.5 * self.cols
         return cols * dx, (start[0] - end[0]) * core.dy
 
-    def highest_relief(self) -> tuple[float, float]:
-        """(row, column) of the highest sample of the block with the greatest relief, of 24 x 24 blocks.
+    @property
+    def low(self) -> float:
+        """The lowest sample, outliers left out."""
+        return float(self._relief.lows.min())
 
-        Blocks at the edge are left out where there are others, and so are a planet's polar ones.
-        """
+    @property
+    def high(self) -> float:
+        """The highest sample, outliers left out."""
+        return float(self._relief.tops.max())
+
+    @cached_property
+    def _relief(self) -> _Relief:
         row_cuts, col_cuts = _cuts(self.rows), _cuts(self.cols)
         tops = np.full((len(row_cuts) - 1, len(col_cuts) - 1), -np.inf, np.float32)
         lows = -tops
+        step = max(1, math.isqrt(self.rows * self.cols // _GLANCE))
+        glance = []
         for i, (begin, end) in enumerate(itertools.pairwise(row_cuts.tolist())):
             for row in range(begin, end, _BAND):
                 band = self.heights[row : min(row + _BAND, end), :]
                 tops[i] = np.maximum(tops[i], np.maximum.reduceat(band.max(axis=0), col_cuts[:-1]))
                 lows[i] = np.minimum(lows[i], np.minimum.reduceat(band.min(axis=0), col_cuts[:-1]))
-        relief = (tops - lows).astype(np.float64)
+                glance.append(band[-row % step :: step, ::step].ravel())
+        below, above = np.percentile(np.concatenate(glance), (_TAIL, 100.0 - _TAIL))
+        fence = (float(2.0 * below - above), float(2.0 * above - below))
+        for i, j in np.argwhere((lows < fence[0]) | (tops > fence[1])):
+            cols = np.arange(col_cuts[j], col_cuts[j + 1])
+            block = self._calm(row_cuts[i], row_cuts[i + 1], cols, fence)
+            tops[i, j], lows[i, j] = block.max(), block.min()
+        return _Relief(row_cuts, col_cuts, tops, lows, fence)
+
+    def highest_relief(self) -> tuple[float, float]:
+        """(row, column) of the highest sample of the block with the greatest relief, of 24 x 24 blocks.
+
+        Blocks at the edge are left out where there are others, and so are a planet's polar ones; and so are outliers,
+        which stand out of all ground by more than it is high, and are narrower than 7 samples.
+        """
+        found = self._relief
+        relief = (found.tops - found.lows).astype(np.float64)
         edge_r = max(1, relief.shape[0] // 8) if relief.shape[0] > 2 else 0
         edge_c = max(1, relief.shape[1] // 8) if relief.shape[1] > 2 else 0
         if self.core.wraps:
@@ -147,11 +188,33 @@ class Ground:
         inner = relief[edge_r : relief.shape[0] - edge_r, edge_c : relief.shape[1] - edge_c]
         r, c = np.unravel_index(int(np.argmax(inner)), inner.shape)
         r, c = r + edge_r, c + edge_c
-        block = self.heights[row_cuts[r] : row_cuts[r + 1], col_cuts[c] : col_cuts[c + 1]]
         if not relief.any():  # flat: the middle
             return self.centre
+        rows, cols = found.row_cuts[r : r + 2], found.col_cuts[c : c + 2]
+        block = self._calm(rows[0], rows[1], np.arange(*cols))
         i, j = np.unravel_index(int(np.argmax(block)), block.shape)
-        return float(row_cuts[r] + i), float(col_cuts[c] + j)
+        return float(rows[0] + i), float(cols[0] + j)
+
+    def _calm(self, first: int, last: int, cols: np.ndarray, fence: tuple[float, float] | None = None) -> np.ndarray:
+        """Samples of rows `first` to `last` (without it) and consecutive columns, which may leave the field; what
+        stands out alone is cut down (filled up) to what is `_NARROW` samples wide (morphological opening, closing)."""
+        inside = cols % self.cols if self.core.wraps else np.clip(cols, 0, self.cols - 1)
+        samples = self.heights[first:last, inside]
+        low, high = fence or self._relief.fence
+        if samples.min() >= low and samples.max() <= high:
+            return samples
+        from scipy.ndimage import grey_closing, grey_opening
+
+        top, rim = max(first - _NARROW, 0), np.arange(_NARROW)
+        wide = np.concatenate([cols[0] - _NARROW + rim, cols, cols[-1] + 1 + rim])
+        wide = wide % self.cols if self.core.wraps else np.clip(wide, 0, self.cols - 1)
+        around = np.asarray(self.heights[top : min(last + _NARROW, self.rows), wide], np.float64)
+        part = np.s_[first - top : first - top + len(samples), _NARROW:-_NARROW]
+        opened = grey_opening(around, (_NARROW, _NARROW), mode="nearest")[part]
+        closed = grey_closing(around, (_NARROW, _NARROW), mode="nearest")[part]
+        most = (high - low) / 3.0
+        calm = np.where((samples > high) & (samples - opened > most), opened, samples)
+        return np.where((samples < low) & (closed - samples > most), closed, calm).astype(samples.dtype)
 
 
 def _cuts(count: int) -> np.ndarray:
