@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import warnings
 
 import numpy as np
 import pytest
@@ -378,3 +380,72 @@ def test_poses_that_are_wrong(poses, words):
 
 def test_the_package_offers_paths():
     assert lodlab.CameraPath is CameraPath
+
+
+def _needle(height: float) -> HeightField:
+    """Smooth hills with one sample of `height`, and a pit of as much beside it."""
+    y, x = np.mgrid[0:130, 0:130] / 33.0
+    z = 1000 + 300 * np.sin(x * 1.7) * np.cos(y * 1.1) + 90 * np.sin(3.1 * x + 2.3 * y)
+    if height:
+        z[100:102, 90:93] = height
+        z[30, 40] = -height
+    return HeightField(z, spacing=30)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_one_outlier_does_not_capture_a_built_in_path(name):
+    clean, pierced = (CameraPath.named(name, _needle(height), frames=9) for height in (0, 9999))
+    for t in np.linspace(0, 1, 9):
+        a, b = clean.at(float(t)), pierced.at(float(t))
+        assert np.allclose(a.eye, b.eye, atol=15) and np.allclose(a.target, b.target, atol=15)
+
+
+def test_a_summit_that_is_no_needle_is_aimed_at_however_rare():
+    z = np.zeros((200, 200))
+    z[60:81, 60:81] = 5000 - 400 * np.maximum(*np.abs(np.mgrid[-10:11, -10:11]))  # 1 % of a flat sea
+    assert Ground(HeightField(z)).highest_relief() == pytest.approx((70, 70), abs=11)
+
+
+def test_an_orbit_passes_above_an_outlier():
+    z = np.zeros((100, 100))
+    z[50, 99] = 1e6
+    ground = Ground(HeightField(z, spacing=30))
+    path = CameraPath.orbit(HeightField(z, spacing=30), frames=400)
+    assert min(ground.clearance(path.at(path.time(f)).eye) for f in range(400)) > 0
+
+
+def _looking(eye: tuple[float, float, float]) -> CameraPath:
+    down = {"target": (eye[0], eye[1], 0.0), "up": (0, 1, 0)}
+    return CameraPath.from_keys(
+        [{"t": 0, "eye": eye, **down}, {"t": 1, "eye": (eye[0] + 9, *eye[1:]), **down}], frames=3
+    )
+
+
+@pytest.mark.parametrize(
+    ("eye", "accuracy", "words"),
+    [
+        ((900.0, 9000.0, 5000.0), 2, "does not see the source in any of 2 measured frames; .* y 0 down to -1920 m"),
+        ((900.0, 9000.0, 5000.0), 0, "does not see the source in any frame"),
+        ((900.0, -900.0, 4e4), 2, "surface covers 0.* of the measured pictures"),
+        ((900.0, -900.0, 4e3), 2, None),
+        ((900.0, -900.0, 4e3), 0, None),
+    ],
+)
+def test_a_path_that_sees_too_little_is_warned_of(tmp_path, eye, accuracy, words):
+    field = datasets.load("fractal:size=65")
+    store = lodlab.build(field, "chunked", tmp_path / "a.lod", progress=False)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        lodlab.fly(store, _looking(eye), {"pixel_error": 1.0}, size=(64, 48), accuracy_frames=accuracy, progress=False)
+    said = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
+    assert len(said) == (words is not None)
+    assert words is None or re.search(words, said[0])
+
+
+def test_compare_says_once_what_its_path_does_not_see():
+    path = _looking((900.0, 9000.0, 5000.0))
+    given = {"frames": 3, "size": (64, 48), "accuracy_frames": 2, "progress": False, "pixel_errors": [1.0, 4.0]}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        lodlab.compare("fractal:size=65", methods=["chunked"], path=path, **given)
+    assert sum("does not see the source" in str(w.message) for w in caught) == 1

@@ -78,6 +78,16 @@ def test_paths_over_a_windowed_source_are_those_in_memory(small, spec):
         assert paths[0] == paths[1]
 
 
+def test_an_outlier_is_one_by_windows_too(small, tmp_path):
+    z = _core.fractal(90, 130)
+    z[50, 60], z[40, 70] = 5e4, -5e4
+    np.save(tmp_path / "a.npy", z)
+    held, windowed = small(str(tmp_path / "a.npy"))
+    for name in ("flyover", "orbit"):
+        paths = [list(CameraPath.named(name, field, frames=5).views()) for field in (held, windowed)]
+        assert paths[0] == paths[1]
+
+
 @pytest.mark.parametrize("at_once", [1, 5000, 1 << 23])
 @pytest.mark.parametrize("planet", [False, True])
 def test_the_hash_does_not_depend_on_bands(at_once, planet):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -422,11 +422,13 @@ class HeightField:
     @property
     def where(self) -> str:
         """Spacing and extent, in words; of a planet its radius."""
-        if self.planet:
-            return f"planet of radius {self.radius:g} m"
-        (rows, cols), (dx, dy), (x0, y0) = self.shape, self.spacing, self.origin
-        extent = f"x {x0:.10g} to {x0 + (cols - 1) * dx:.10g}, y {y0:.10g} down to {y0 - (rows - 1) * dy:.10g} m"
-        return f"spacing {dx:.6g} x {dy:.6g} m, {extent}"
+        dx, dy = self.spacing
+        spacing = "" if self.planet else f"spacing {dx:.6g} x {dy:.6g} m, "
+        return spacing + extent_of(self._placed)
+
+    @property
+    def _placed(self) -> dict[str, Any]:
+        return self._core.frame()
 
     def __repr__(self) -> str:
         core = self._core
@@ -483,6 +485,15 @@ def _unplaced(place: Placement) -> str:
     if place.known and not place.reference.name:
         return "; it has no reference system: are these degrees? Give spacing=METRES, or assign the system"
     return "; give spacing=METRES or vertical_scale=FACTOR"
+
+
+def extent_of(frame: Mapping[str, Any]) -> str:
+    """Where a source lies, in words, by its frame; y falls down the rows."""
+    if frame["planet"]:
+        return f"planet of radius {frame['radius']:g} m"
+    x, y = frame.get("x0", 0.0), frame.get("y0", 0.0)
+    east, south = x + (frame["cols"] - 1) * frame["dx"], y - (frame["rows"] - 1) * frame["dy"]
+    return f"x {x:.10g} to {east:.10g}, y {y:.10g} down to {south:.10g} m"
 
 
 def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:

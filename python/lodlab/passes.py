@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, pictures, results
+from . import _core, pictures, results, sight
 from .errors import GLError, InvalidInput, StoreError, Unsupported
 from .heightfield import HeightField
 from .metrics import measure
@@ -366,6 +366,7 @@ class Flown:
     recording: Recording
     session: Any
     yardstick: Yardstick | None = field(default=None)
+    complaint: str | None = None  # about what the path sees
 
 
 def perform(
@@ -394,7 +395,10 @@ def perform(
     rows = frame_rows(store, flight, recording, measured)
     if folder is not None:
         make_pictures(folder, flight, rows, recording, session, yardstick if indices else None)
-    return Flown(rows, recording, session, yardstick)
+    references = [yardstick.reference(views[f]) for f in indices]
+    depths = (r.depth for r in references if r is not None)
+    complaint = sight.complaint(flight.path, store.frame, views, measured.values(), depths)
+    return Flown(rows, recording, session, yardstick, complaint)
 
 
 def summary_of(flown: Flown, store: Store) -> dict[str, Any]:

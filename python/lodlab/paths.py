@@ -136,7 +136,9 @@ class CameraPath:
     ) -> CameraPath:
         """Catmull-Rom in t through keys with t, eye, target and perhaps up, fov, near.
 
-        The first key is the first frame, the last key the last. InvalidInput names the key that is wrong.
+        Points are in source coordinates: x east, y north, z up, metres; y falls down the rows, so that an array
+        with the default origin lies at y <= 0 (`repr` of a field gives its extent; a planet's axis is z). The first
+        key is the first frame, the last key the last. InvalidInput names the key that is wrong.
         """
         return cls(name, poses_of_keys(keys), frames, fov)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +206,8 @@ def fly(
                     options_hash=results.short_hash({"options": rows[0]["options"]}),
                 )
                 write_report(directory.path)
+    if flown.complaint:
+        warnings.warn(flown.complaint, stacklevel=2)
     run = Run(results.table(rows, results.FRAME_COLUMNS), summary, Path(out) if out is not None else None, flown)
     check_capture(run.frames)
     return run

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import connection
@@ -89,6 +90,7 @@ class Workshop:
         return {
             "rows": flown.rows,
             "summary": summary_of(flown, store),
+            "complaint": flown.complaint,
             "source_hash": store.source_hash,
             "gl": dict(_core.gl_info()),
         }
@@ -313,6 +315,7 @@ def _make_all(
     from tqdm.auto import tqdm
 
     order = [task.flight.name for task in tasks]
+    said: set[str] = set()
     todo = [task for task in tasks if task.flight.name not in directory.done]
     directory.provenance(libraries=dict(_core.libraries()), options_hash=results.short_hash(dict(config)))
     noise = directory.path / "noise.csv"
@@ -332,6 +335,9 @@ def _make_all(
             made = _side_by_side(todo, workshop, bar, jobs, config["device"])
         with contextlib.closing(made) if hasattr(made, "close") else contextlib.nullcontext():
             for task, result in made:
+                if (complaint := result["complaint"]) and complaint not in said:  # once for all methods
+                    said.add(complaint)
+                    warnings.warn(f"{task.flight.source}: {complaint}", stacklevel=4)
                 directory.append(result["rows"], result["summary"])
                 directory.provenance(
                     gl=result["gl"], libraries=dict(_core.libraries()),

@@ -127,6 +127,10 @@ class WindowedHeightField(HeightField):
         return np.concatenate([z[:, ::step] for z, _ in lines]), np.concatenate([r[:, ::step] for r in real])
 
     @property
+    def _placed(self) -> dict[str, Any]:
+        return self._frame
+
+    @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
         return self._frame["rows"], self._frame["cols"]
