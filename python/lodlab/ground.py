@@ -199,7 +199,7 @@ class Ground:
         """Samples of rows `first` to `last` (without it) and consecutive columns, which may leave the field; what
         stands out alone is cut down (filled up) to what is `_NARROW` samples wide (morphological opening, closing)."""
         inside = cols % self.cols if self.core.wraps else np.clip(cols, 0, self.cols - 1)
-        samples = self.heights[first:last, inside]
+        samples = np.ascontiguousarray(self.heights[first:last, inside])  # sums do not depend on what holds them
         low, high = fence or self._relief.fence
         if samples.min() >= low and samples.max() <= high:
             return samples
