@@ -77,6 +77,10 @@ void check_planet(const FieldFrame& f) {
   if (!(f.dlon > 0.0) || !(f.dlat > 0.0) || !std::isfinite(f.lon0) || !std::isfinite(f.dlon)) {
     refuse("planet steps of " + number(f.dlon) + " x " + number(f.dlat) + " degrees are not positive");
   }
+  if (f.dlon > 120.0 + kAngleSlack || f.dlat > 90.0 + kAngleSlack) {  // those of the coarsest globe
+    refuse("planet steps of " + number(f.dlon) + " x " + number(f.dlat) +
+           " degrees: triangles that go so far round show their insides; the limit is 120 x 90");
+  }
   const double south = f.lat0 - f.dlat * static_cast<double>(f.rows - 1);
   if (!(f.lat0 <= 90.0 + kAngleSlack) || !(south >= -90.0 - kAngleSlack)) {
     refuse("planet latitudes " + number(f.lat0) + " to " + number(south) + " leave -90 to 90 degrees");

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <vector>
 
 #include "base/errors.h"
@@ -146,6 +147,22 @@ TEST_CASE("planets that leave the sphere are refused") {
   frame.dlon = 1.1;
   CHECK_THROWS_AS(make(frame, heights), InvalidInput);
   CHECK_THROWS_AS(make(earth_frame(), std::vector<float>(181 * 360, -6371000.0f)), InvalidInput);
+}
+
+TEST_CASE("cells of a planet that reach so far round that they show their insides are refused") {
+  FieldFrame frame = frame_of(2, 2);
+  frame.planet = true;
+  for (const auto& [dlon, dlat, fits] :
+       {std::tuple{120.0, 90.0, true}, {121.0, 1.0, false}, {1.0, 91.0, false}, {250.0, 0.7, false}}) {
+    frame.dlon = dlon;
+    frame.dlat = dlat;
+    if (fits) {
+      CHECK_NOTHROW(make(frame, {0.0f, 0.0f, 0.0f, 0.0f}));
+    } else {
+      CHECK_THROWS_WITH_AS(make(frame, {0.0f, 0.0f, 0.0f, 0.0f}), doctest::Contains("the limit is 120 x 90"),
+                           InvalidInput);
+    }
+  }
 }
 
 TEST_CASE("the hash sees frame, heights and mask; a mask without voids is none") {
