@@ -1,13 +1,24 @@
 // SPDX-License-Identifier: MIT
-// What a sphere round the origin hides from an eye: all whose way to the eye passes through it. From within
-// the sphere nothing is hidden, nor by a sphere of radius 0.
+// What a planet hides from an eye: all whose way to the eye passes through a sphere round the origin that
+// lies inside of its ground, as long as that ground closes round it. From within the sphere nothing is
+// hidden, nor by a sphere of radius 0, nor by a planet with an opening: a patch has an outside, a void is
+// looked through.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <glm/glm.hpp>
 
+#include "geometry/height_field.h"
+
 namespace lodlab {
+
+/// Whether the ground of a source closes round the origin: columns once round, samples at both poles, no
+/// voids.
+inline bool closes(const FieldFrame& source, bool has_voids) {
+  return source.planet && source.wraps && !has_voids && source.latitude(0) == 90.0 &&
+         source.latitude(source.rows - 1) == -90.0;
+}
 
 /// Directions from the origin, no farther than an angle from an axis.
 struct Cone {

@@ -79,6 +79,10 @@ void Instrument::check_near(const glm::dvec3& eye) const {
   throw InvalidInput(text);
 }
 
+InView Instrument::in_view(const Camera& camera) const {
+  return InView(grid_.frame(), field_ != nullptr ? field_->valid != nullptr : windowed_->voids > 0, camera);
+}
+
 double Instrument::slack(const glm::dvec3& eye) const {
   const FieldFrame& f = grid_.frame();
   if (f.planet) return world_slack(glm::length(eye) + f.radius + std::max(0.0, f.z_max));

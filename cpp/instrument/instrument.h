@@ -10,6 +10,7 @@
 #include "geometry/height_rows.h"
 #include "geometry/view.h"
 #include "instrument/sample_grid.h"
+#include "instrument/screen.h"
 #include "render/frame.h"
 
 namespace lodlab::instrument {
@@ -38,6 +39,9 @@ class Instrument {
 
   /// Draws the reference of a view; null above kMostPictureSamples.
   std::shared_ptr<const Reference> reference(const Camera& camera, const render::DrawCall& draw_full) const;
+
+  /// Which samples of the source count in a view; it refers to the camera.
+  InView in_view(const Camera& camera) const;
 
   /// world_slack() at the sample of the source farthest from the eye (by its bounding box).
   double slack(const glm::dvec3& eye) const;

@@ -103,6 +103,7 @@ const Measurement::ByRows& Measurement::by_rows() {
     if (subject_.draw_before) earlier = render::capture(subject_.camera, subject_.draw_before, true);
     worst_of_triangle_.assign(captured.vertices.size() / 3, -1.0f);
     std::vector<float> worst;
+    const InView in_view = instrument_->in_view(subject_.camera);
     instrument_->for_parts([&](const HeightField& part, const SampleGrid& part_grid) {
       const DrawnSurface drawn = rasterize(part, part_grid, captured, &worst);
       for (size_t i = 0; i < worst.size(); ++i)
@@ -112,10 +113,10 @@ const Measurement::ByRows& Measurement::by_rows() {
       if (found.samples > 0) squares += found.rms * found.rms * static_cast<double>(found.samples);
       out.samples.holes += found.holes;
       out.samples.samples += found.samples;
-      out.px_max = std::fmax(out.px_max, sample_error_px(part, part_grid, drawn, subject_.camera));
+      out.px_max = std::fmax(out.px_max, sample_error_px(part, part_grid, drawn, in_view));
       if (!earlier) return;
       const DrawnSurface from = rasterize(part, part_grid, *earlier, nullptr);
-      out.pop_px_max = std::fmax(out.pop_px_max, surface_jump(part, part_grid, from, drawn, subject_.camera));
+      out.pop_px_max = std::fmax(out.pop_px_max, surface_jump(part, part_grid, from, drawn, in_view));
     });
     out.samples.max = max;
     out.samples.rms = std::sqrt(squares / static_cast<double>(out.samples.samples));
@@ -130,13 +131,17 @@ const SampleError& Measurement::samples() {
 
 double Measurement::measured_px_max() {
   if (!in_memory()) return by_rows().px_max;
-  return kept(px_max_, [&] { return sample_error_px(field(), grid(), surface(), subject_.camera); });
+  return kept(px_max_, [&] {
+    return sample_error_px(field(), grid(), surface(), instrument_->in_view(subject_.camera));
+  });
 }
 
 double Measurement::pop_px_max() {
   if (!in_memory()) return by_rows().pop_px_max;
   const DrawnSurface* from = before();
-  return from == nullptr ? kUndefined : surface_jump(field(), grid(), *from, surface(), subject_.camera);
+  return from == nullptr
+             ? kUndefined
+             : surface_jump(field(), grid(), *from, surface(), instrument_->in_view(subject_.camera));
 }
 
 std::vector<NodeError> Measurement::node_errors() {

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "base/parallel.h"
-#include "instrument/screen.h"
 
 namespace lodlab::instrument {
 namespace {
@@ -61,9 +60,9 @@ SampleError sample_error(const HeightField& field, const DrawnSurface& surface) 
 }
 
 double sample_error_px(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
-                       const Camera& camera) {
+                       const InView& in_view) {
   // -1 says that no sample of the row is in view. Once one is, exact samples need no test.
-  const InView in_view(field, camera);
+  const Camera& camera = in_view.camera();
   const auto rows = per_row<double>(field, [&](int64_t row) {
     double worst = -1.0;
     for (int64_t col = 0; col < field.cols; ++col) {
@@ -83,9 +82,9 @@ double sample_error_px(const HeightField& field, const SampleGrid& grid, const D
 }
 
 double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
-                    const DrawnSurface& after, const Camera& camera) {
+                    const DrawnSurface& after, const InView& in_view) {
   // -1 says that no sample of the row qualifies.
-  const InView in_view(field, camera);
+  const Camera& camera = in_view.camera();
   const auto rows = per_row<double>(field, [&](int64_t row) {
     double worst = -1.0;
     for (int64_t col = 0; col < field.cols; ++col) {

@@ -8,6 +8,7 @@
 
 #include "geometry/view.h"
 #include "instrument/drawn_surface.h"
+#include "instrument/screen.h"
 
 namespace lodlab::instrument {
 
@@ -27,12 +28,12 @@ SampleError sample_error(const HeightField& field, const DrawnSurface& surface);
 /// not) and its correspondent: the drawn point at the same horizontal position, on planets in the same
 /// direction. inf when a sample in view is a hole; nan when none is in view.
 double sample_error_px(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
-                       const Camera& camera);
+                       const InView& in_view);
 
 /// The largest screen distance, pixels, by which the drawn surface jumps from `before` to `after` at the
 /// non-void samples in view that both cover; nan when there are none.
 double surface_jump(const HeightField& field, const SampleGrid& grid, const DrawnSurface& before,
-                    const DrawnSurface& after, const Camera& camera);
+                    const DrawnSurface& after, const InView& in_view);
 
 struct NodeError {
   uint32_t node = 0;

@@ -18,13 +18,16 @@ inline bool in_frustum(const Camera& camera, const glm::dvec3& relative) {
   return camera.depth(relative) >= camera.near_plane;
 }
 
-/// Which samples of a source may be seen in a view: those inside the frustum. On a planet not those beyond
-/// its horizon: their way to the eye passes through the sphere below which no sample lies. It is the source's
-/// own, whatever draws it. A method may leave out what a smaller sphere hides from it.
+/// Which samples of a source may be seen in a view: those inside the frustum. On a planet that closes
+/// (geometry/horizon.h) not those beyond its horizon: their way to the eye passes through the sphere below
+/// which no sample lies. It is the source's own, whatever draws it. A method may leave out what a smaller
+/// sphere hides from an eye above the ground.
 class InView {
  public:
-  InView(const FieldFrame& source, const Camera& camera)
-      : camera_(camera), horizon_(source.planet ? source.radius + source.z_min : 0.0, camera.eye) {}
+  InView(const FieldFrame& source, bool has_voids, const Camera& camera)
+      : camera_(camera),
+        horizon_(closes(source, has_voids) ? source.radius + source.z_min : 0.0, camera.eye) {}
+  const Camera& camera() const { return camera_; }
   /// A sample, relative to the eye.
   bool operator()(const glm::dvec3& relative) const {
     return in_frustum(camera_, relative) && !horizon_.hides(relative);

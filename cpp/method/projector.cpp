@@ -4,21 +4,29 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/errors.h"
 #include "common/projection.h"
 
 namespace lodlab {
 
 OptionSpec projection_option() {
-  return {"projection",
-          std::string("strict"),
-          Stage::kDraw,
-          "",
-          "How errors become pixels: an upper bound, one for vertical displacement, or the paper's.",
-          {"strict", "vertical", "paper"}};
+  return {
+      "projection",
+      std::string("strict"),
+      Stage::kDraw,
+      "",
+      "How errors become pixels: an upper bound, one for vertical displacement (flat fields only), or the "
+      "paper's.",
+      {"strict", "vertical", "paper"}};
 }
 
-Projection projection_of(const Options& options) {
+Projection projection_of(const Options& options, const FieldFrame& source) {
   const std::string& text = options.text("projection");
+  if (text == "vertical" && source.planet) {
+    throw Unsupported(
+        "session: option projection = vertical takes z for up, which bounds flat fields only; this source is "
+        "a planet: projection = strict");
+  }
   return text == "paper"      ? Projection::kPaper
          : text == "vertical" ? Projection::kVertical
                               : Projection::kStrict;

@@ -6,15 +6,17 @@
 
 #include "base/options.h"
 #include "geometry/bounds.h"
+#include "geometry/height_field.h"
 #include "geometry/view.h"
 
 namespace lodlab {
 
 enum class Projection { kPaper, kStrict, kVertical };
 
-/// The draw option `projection`, and its value.
+/// The draw option `projection`, and its value for a source. Unsupported: vertical on a planet, where up is
+/// another direction at every sample.
 OptionSpec projection_option();
-Projection projection_of(const Options& options);
+Projection projection_of(const Options& options, const FieldFrame& source);
 
 /// Constants are computed once a frame.
 struct Projector {

@@ -115,12 +115,64 @@ def test_what_the_horizon_culls_is_not_in_the_picture(earth, place: str, budget:
     assert np.array_equal(drawn.image, whole.image)
     assert np.array_equal(drawn.depth, whole.depth, equal_nan=True)
     assert np.isfinite(drawn.depth).mean() > 0.1
+    if place == "ground":  # in a valley nothing tells ground that hides from ground that one is under
+        return
     # The frustum alone would not have culled them: their middles are in it.
     nodes = store.nodes[np.unique(store.nodes["id"], return_index=True)[1]][cut.nodes["node"]]
     middle = np.column_stack([0.5 * (nodes["box_min"] + nodes["box_max"]), np.ones(len(nodes))])
     clip = middle @ np.asarray(view.matrix).T
     inside = (clip[:, 3] > 0) & (np.abs(clip[:, :2]) <= clip[:, 3:]).all(axis=1)
     assert (inside & ~cut.nodes["visible"]).sum() > 0.2 * inside.sum()
+
+
+def open_globe(kind: str) -> lod.HeightField:
+    """A globe of ridges 2 km high: closed, with a hole of voids, or a quarter of it."""
+    heights = np.zeros((46, 90))
+    heights[::2, ::2] = 2000.0
+    if kind == "voids":
+        heights[5:40, 0:20] = np.nan
+    if kind == "patch":
+        return lod.HeightField(heights[:23, :45], planet=True, degrees=(0.0, 11.0, 1.0, 1.0))
+    return lod.HeightField(heights, planet=True)
+
+
+@pytest.mark.parametrize(
+    "kind", ["voids", "patch", "under the lowest sample", "in a mountain", "within the near plane"]
+)
+def test_what_is_seen_through_an_opening_of_a_globe_or_from_under_its_ground_is_drawn(kind: str, tmp_path) -> None:
+    field = open_globe(kind)
+    radius = field.radius
+    top = field.core.position(np.array([20]), np.array([30]))[0]
+    here = top / np.linalg.norm(top)
+    side = np.cross(here, [0.0, 0.0, 1.0])
+    into = side * 1e6 - here * 3e5
+    behind = -2.5 * field.core.position(np.array([11]), np.array([22]))[0]
+    eye, target, near = {
+        "voids": (field.core.position(np.array([22]), np.array([10]))[0] * 2.0, np.zeros(3), None),
+        "patch": (behind, np.zeros(3), None),
+        "under the lowest sample": ((radius - 100.0) * here, (radius - 100.0) * here + into, None),
+        "in a mountain": ((radius + 1000.0) * here, (radius + 1000.0) * here + into, None),
+        "within the near plane": ((radius + 3000.0) * here, (radius + 3000.0) * here - here * 1e6, 5e4),
+    }[kind]
+    view = _core.View(tuple(eye), tuple(target), fov=40.0 if kind == "patch" else 90.0, size=(200, 150), near=near)
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False)
+    full = lod.build(field, "full", tmp_path / "full.lod", progress=False)
+    instrument, session = _core.Instrument(field.core, full.core.session({})), store.core.session({"stream": False})
+    reference = instrument.reference(view)
+    seen = np.isfinite(reference.depth)
+    assert seen.mean() > 0.02
+    for budget in ({"pixel_error": 1.0}, {"triangles": 3000}):
+        cut = session.select(view, _core.Budget(**budget))
+        found = instrument.examine(session, cut, view, reference)
+        assert found.capture_mismatch_pixels == 0
+        assert not found.measured_px_max > cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 200
+        assert (np.isfinite(session.draw(cut, view).depth) != seen).sum() < 0.02 * seen.sum()
+
+
+def test_vertical_projection_on_a_planet_is_refused_since_up_is_not_z(earth) -> None:
+    _, store = earth
+    with pytest.raises(lod.errors.Unsupported, match="projection = vertical .* flat fields only"):
+        store.core.session({"projection": "vertical"})
 
 
 def test_coarse_triangles_of_a_planet_keep_the_colours_of_their_heights(tmp_path) -> None:

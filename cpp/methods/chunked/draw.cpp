@@ -92,7 +92,7 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
       options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
       residency_(make_residency(hierarchy_, paging_of(options))) {
-  projection_ = projection_of(options);
+  projection_ = projection_of(options, hierarchy_->frame);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
 }

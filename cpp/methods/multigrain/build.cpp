@@ -271,6 +271,7 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   writer.put_array("resolutions", as_bytes(forest.resolutions));
   writer.put_array("own", as_bytes(errors.own));
   writer.put_array("strips", as_bytes(errors.strips));
+  if (bands.frame().planet) writer.put_array("high", as_bytes(errors.high));
   writer.put_meta("bounds", options.text("bounds"));
 }
 

@@ -20,7 +20,7 @@ constexpr int64_t kNever = int64_t{1} << 60;  // what no cut reaches; four of th
 Exact::Exact(const Forest& forest, Projection projection, const Camera& camera)
     : forest_(forest), visible_(forest.node.size(), 0), pixels_(forest.resolution.size(), 0.0) {
   const Projector projector(projection, camera);
-  const Horizon horizon(forest.occluder.radius, camera.eye);
+  const Horizon horizon = forest.horizon(camera);
   for (size_t id = 0; id < forest.node.size(); ++id) {
     const Node& n = forest.node[id];
     if (n.parent >= 0 && !visible_[static_cast<size_t>(n.parent)]) continue;  // boxes and cones nest

@@ -119,7 +119,12 @@ Forest::Forest(std::shared_ptr<const Store> opened)
       errors.strips.size() != blocks * 4 * pairs)
     throw StoreError("multigrain: " + store->path() + " does not hold the errors of its blocks");
   check_linked(*this, store->path());
-  if (frame.planet) occluder = make_occluder(*this);
+  if (frame.planet) {
+    errors.high = store->array_of<float>("high");
+    if (errors.high.size() != blocks)
+      throw StoreError("multigrain: " + store->path() + " does not hold the heights of its blocks");
+    occluder = make_occluder(*this);
+  }
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
 }
 

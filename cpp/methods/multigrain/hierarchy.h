@@ -28,11 +28,18 @@ struct Resolution {
   uint32_t triangles;  ///< those that are there: clamped and polar ones left out
 };
 
-/// What hides nodes of a planet, wherever they are and whatever is drawn: a sphere below all that any cut
-/// draws.
+/// What hides nodes of a planet that closes, wherever they are and whatever is drawn: a sphere below all that
+/// any cut draws.
 struct Occluder {
+  /// Where a node's samples are: directions, and the radius that none of them, nor a triangle, exceeds.
+  struct Ground {
+    glm::dvec3 axis;
+    double angle, highest;
+  };
+
   double radius = 0.0;      ///< 0: none
   std::vector<Cone> nodes;  ///< round all that each is drawn with and the samples there, raised (Horizon)
+  std::vector<Ground> ground;
 };
 
 /// Which stride is drawn where: log2 of the stride of the node that covers each block.
@@ -57,6 +64,8 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   double drawn_error(const Node& n, int k, const StrideMap& map) const;
   /// The largest of these over all maps: the stored bound.
   double stored_error(const Node& n, int k) const;
+  /// What is hidden in a view: only from an eye above all ground near it, the near plane included.
+  Horizon horizon(const Camera& camera) const;
   /// Marks the blocks of a node with its stride.
   void mark(const Node& n, int k, StrideMap& map) const;
 
@@ -68,7 +77,7 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   std::shared_ptr<const Store> store;
   FieldFrame frame;
   Layout layout;
-  BlockErrors errors;  ///< without `low` and `high`, which are in the nodes' bounds
+  BlockErrors errors;  ///< without `low`, and `high` of a planet alone: the nodes' bounds have them
   std::vector<Node> node;
   std::vector<Resolution> resolution;
   uint32_t roots = 0;

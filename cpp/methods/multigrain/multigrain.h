@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // multigrain: what its files give to one another, and the store.
 //   arrays: layout (chart_log2, levels, most_log2), nodes (Node), resolutions (Resolution), own and strips
-//   (BlockErrors); meta: bounds; pages: heights by tile (tiles.h; method/sample_code.h), the coverage mask,
-//   and, with maps, their tiles (method/map_tiles.h) and an array each, colors and normals (finer_log2,
-//   side_log2).
+//   (BlockErrors), of a planet also high; meta: bounds; pages: heights by tile (tiles.h;
+//   method/sample_code.h), the coverage mask, and, with maps, their tiles (method/map_tiles.h) and an array
+//   each, colors and normals (finer_log2, side_log2).
 #pragma once
 
 #include "base/options.h"

@@ -6,6 +6,11 @@
 // to the centre than the lowest sample times the cosine of that angle. A cap of less than a hemisphere holds
 // the great circles between its points: a cone round a node's samples holds all that it is drawn with, and
 // also those samples of other nodes that its triangles are compared with.
+//
+// The sphere hides nothing by itself: the ground round it does, where it closes (geometry/horizon.h), seen
+// from outside. The way from an eye above the ground to a node that the sphere hides enters the ground before
+// it comes to the sphere, and does so beyond the near plane if the ground is farther away than the viewport's
+// corner of it. From under the ground one looks into the globe.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -53,6 +58,7 @@ Cap cap_of(const Forest& forest, const Node& n) {
 
 Occluder make_occluder(const Forest& forest) {
   const FieldFrame& frame = forest.frame;
+  if (!closes(frame, forest.store->has_page(kCoverage, 0))) return {};
   std::vector<Cap> caps;
   double widest = 0.0;  // of blocks
   for (const Node& n : forest.node) {
@@ -74,8 +80,42 @@ Occluder make_occluder(const Forest& forest) {
   for (const Cap& cap : caps) {
     const double angle = std::min(cap.angle + raised, std::numbers::pi);
     out.nodes.push_back({cap.axis, std::cos(angle), std::sin(angle)});
+    out.ground.push_back({cap.axis, cap.angle, 0.0});
+  }
+  for (size_t i = caps.size(); i-- > 0;) {
+    const Node& n = forest.node[i];
+    double& highest = out.ground[i].highest;
+    if (n.level + 1 == forest.layout.levels) {
+      const int log2 = forest.layout.block_log2();
+      const int64_t block = (n.row >> log2) * forest.layout.blocks_x() + (n.col >> log2);
+      highest = frame.radius + forest.errors.high[static_cast<size_t>(block)] + lattice;
+    }
+    if (n.parent < 0) continue;
+    double& above = out.ground[static_cast<size_t>(n.parent)].highest;
+    above = std::max(above, highest);
   }
   return out;
+}
+
+Horizon Forest::horizon(const Camera& camera) const {
+  const Horizon none(0.0, camera.eye), all(occluder.radius, camera.eye);
+  if (!(occluder.radius > 0.0)) return none;
+  const double distance = glm::length(camera.eye), reach = camera.near_plane * camera.s;
+  if (!(reach < distance)) return none;
+  const double lowest = distance - reach, around = std::asin(reach / distance) + kRounding;
+  std::vector<uint32_t> open;
+  for (uint32_t i = 0; i < roots; ++i) open.push_back(i);
+  while (!open.empty()) {  // only ground as high as the eye, and under it
+    const uint32_t i = open.back();
+    open.pop_back();
+    const Occluder::Ground& ground = occluder.ground[i];
+    if (lowest > ground.highest) continue;
+    const double angle = ground.angle + around;
+    if (angle < kRight && glm::dot(ground.axis, camera.eye) < std::cos(angle) * distance) continue;
+    if (node[i].children == 0) return none;
+    for (uint32_t c = 0; c < node[i].children; ++c) open.push_back(node[i].first_child + c);
+  }
+  return all;
 }
 
 }  // namespace lodlab::multigrain

@@ -33,7 +33,7 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
   adapt = serving(adapt, budget);
   ++frames_;
   projector_ = Projector(projection_, camera);
-  horizon_ = Horizon(forest_.occluder.radius, camera.eye);
+  horizon_ = forest_.horizon(camera);
   frame_ = Frame{};
   frame_.camera = &camera;
   if (budget.pixel_error) frame_.target = *budget.pixel_error * kInside;
