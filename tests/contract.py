@@ -273,6 +273,13 @@ class MethodContract:
         with pytest.raises(lod.errors.InvalidInput, match="not within|no node"):
             session.cut(np.array([10**9]), None)
 
+    def test_a_cut_by_hand_claims_nothing(self, made: Measured) -> None:
+        """It has no view; what is always exact may say so."""
+        session, nodes = made.session(), made.store.nodes
+        for cut in (session.cut(np.unique(nodes["id"][nodes["parent"] < 0]), None), *session.audit_cuts()):
+            exact = self.method == "full" and not cut.nodes["error"].any()
+            assert np.isnan(cut.predicted_px) or (exact and cut.predicted_px == 0.0)
+
     @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
     @given(seed=st.integers(0, 2**31), rows=st.integers(2, 90), cols=st.integers(2, 90))
     def test_random_valid_cuts_hold_their_bounds(self, seed: int, rows: int, cols: int) -> None:

@@ -11,7 +11,7 @@ import pytest
 import lodlab as lod
 from lodlab import _core
 from lodlab.instrument.audit import random_cut
-from tests.contract import MethodContract
+from tests.contract import MethodContract, over
 
 
 class TestMultigrain(MethodContract):
@@ -325,3 +325,13 @@ def test_caches_smaller_than_the_roots_are_refused_with_the_least_size(terrain) 
     for stream in (False, True):
         with pytest.raises(lod.errors.InvalidInput, match=r"gpu_cache_mb of at least \d+, not 1"):
             store.core.session({"stream": stream, "gpu_cache_mb": 1})
+
+
+def test_cuts_by_hand_promise_no_more_than_selected_ones(tmp_path) -> None:
+    field = lod.HeightField(_core.fractal(60, 60, 0, 0, seed=1, roughness=0.5))
+    for bounds in ("drawn", "bilinear"):
+        store = lod.build(field, "multigrain", tmp_path / f"{bounds}.lod", progress=False, bounds=bounds)
+        session = store.core.session({"stream": False})
+        roots = np.unique(store.nodes["id"][store.nodes["parent"] < 0])
+        selected = session.select(over(field), _core.Budget(pixel_error=1.0))
+        assert session.cut(roots, None).promises_bound == selected.promises_bound == (bounds == "drawn")

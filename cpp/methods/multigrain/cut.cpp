@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Cuts by hand, and the cuts that an audit draws.
 #include <algorithm>
+#include <limits>
 
 #include "base/errors.h"
 #include "methods/multigrain/session.h"
@@ -53,6 +54,8 @@ Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<in
   check_covers(forest, chosen);
   Cut cut;
   cut.options = options_json_;
+  cut.promises_bound = forest.store->meta("bounds") != "bilinear";
+  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
   StrideMap map(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()));
   for (size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i] != 0) forest.mark(forest.node[i], chosen[i], map);

@@ -2,6 +2,7 @@
 // Cuts by hand, where patches must agree on the edges that they share; the cuts that an audit draws; random
 // ones.
 #include <algorithm>
+#include <limits>
 #include <random>
 
 #include "base/errors.h"
@@ -10,6 +11,8 @@
 
 namespace lodlab::seamless {
 namespace {
+
+constexpr double kNoView = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
 
 /// Which patch of a cut covers each patch of the last level.
 class Cover {
@@ -159,6 +162,7 @@ Cut SeamlessSession::cut(const std::vector<int64_t>& ids, const std::vector<int3
   Cut cut;
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
+  cut.predicted_px = kNoView;
   for (size_t i = 0; i < sorted.size(); ++i) add(layout.at(sorted[i]), k[i], cut);
   return cut;
 }
@@ -182,6 +186,7 @@ std::vector<Cut> SeamlessSession::audit_cuts() const {
       Cut cut;
       cut.options = options_json_;
       cut.promises_bound = promises_bound();
+      cut.predicted_px = kNoView;
       for (int64_t y = 0; y < layout.down(level); ++y) {
         for (int64_t x = 0; x < layout.across(level); ++x) {
           Resolutions here = k;
@@ -220,7 +225,7 @@ std::optional<Cut> SeamlessSession::random_cut(uint64_t seed) const {
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
   collect(selector, Precision::of(fineness), cut);
-  cut.predicted_px = 0.0;
+  cut.predicted_px = kNoView;
   return cut;
 }
 
