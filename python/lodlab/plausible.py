@@ -41,7 +41,7 @@ def marked(array: np.ndarray, mark: float) -> np.ndarray | None:
         return None
     ends = np.finfo(array.dtype)
     single = array.dtype.itemsize <= 4 or abs(mark) > HUGE
-    slack = 4.0 * abs(mark) * float(np.finfo(np.float32 if single else np.float64).eps)
+    slack = abs(mark) * (4.0 * float(np.finfo(np.float32 if single else np.float64).eps))
     low, high = max(mark - slack, float(ends.min)), min(mark + slack, float(ends.max))
     if math.isinf(mark):
         low = high = mark
