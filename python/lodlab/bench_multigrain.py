@@ -31,7 +31,8 @@ from .bench_lab import (
     select_case,
 )
 from .datasets import fractal_window
-from .heightfield import DEFAULT_SPACING, HeightField
+from .frames import DEFAULT_SPACING
+from .heightfield import HeightField
 from .instrument.audit import random_cut
 from .passes import still
 from .paths import CameraPath

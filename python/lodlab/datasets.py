@@ -13,7 +13,8 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .heightfield import DEFAULT_SPACING, HeightField, format_spec, make_frame, positive, window_samples
+from .frames import DEFAULT_SPACING, make_frame, positive
+from .heightfield import HeightField, format_spec, window_samples
 from .placement import metres_per_degree
 from .windowed import FractalReader, WindowedHeightField
 

@@ -11,25 +11,30 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from . import _core
 from .errors import InvalidInput
-from .placement import Placement
+from .frames import (
+    EARTH_RADIUS,
+    extent_of,
+    finite,
+    flat_place,
+    make_frame,
+    planet_place,
+    positive,
+    unplaced,
+)
 from .plausible import Rounding, Slopes, check_heights, marked
 from .raster import Raster, absolute, open_raster, title
 
-EARTH_RADIUS = 6371000.0
-DEFAULT_SPACING = 30.0
 MAX_SAMPLES = 2**31
 WINDOW_SAMPLES = 64_000_000
 EXACT_IN_FLOAT32 = 2**24
 _ROWS = 256  # that are computed in double together
-_SNAP = 0.01  # of a sample: geotransforms carry the rounding of their decimals
 
 
 def window_samples() -> int:
@@ -56,35 +61,6 @@ def format_spec(name: str, keys: dict[str, Any]) -> str:
     """SOURCE text of a name or file and its keys; keys that are None are left out."""
     given = [f"{key}={_text(value)}" for key, value in keys.items() if value is not None]
     return f"{name}:{','.join(given)}" if given else name
-
-
-def positive(what: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"height field: {what} {value!r} is not a number") from None
-    if not (math.isfinite(number) and number > 0):
-        raise InvalidInput(f"height field: {what} {value!r} is not positive and finite")
-    return number
-
-
-def _pair(what: str, value: Any) -> tuple[float, float]:
-    """(dx, dy) from one number or two."""
-    values = tuple(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
-    if values is None:
-        values = (value, value)
-    if len(values) != 2:
-        raise InvalidInput(f"height field: {what} {value!r} is neither one number nor (dx, dy)")
-    return positive(what, values[0]), positive(what, values[1])
-
-
-def _origin(value: Any) -> tuple[float, float]:
-    """(x0, y0) from a pair of numbers; the core checks that they are finite."""
-    try:
-        x0, y0 = value
-        return float(x0), float(y0)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"height field: origin {value!r} is not (x0, y0)") from None
 
 
 def _nodata(value: Any) -> tuple[float, ...]:
@@ -203,7 +179,7 @@ class HeightField:
         marks = _nodata(nodata)
         _check_array(array, name)
         scale = positive("vertical_scale", vertical_scale)
-        offset = _finite("offset", offset) * scale
+        offset = finite("offset", offset) * scale
         if raster is not None:  # the array is its samples
             scale, offset = _scaling(raster, vertical_scale, offset)
         frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
@@ -276,7 +252,7 @@ class HeightField:
         text = os.fspath(path)
         text = absolute(text) or text
         raster = open_raster(text, band=band, window=window, nodata=marks, encoding=encoding, most=window_samples())
-        vertical_scale, offset = positive("vertical_scale", vertical_scale), _finite("offset", offset)
+        vertical_scale, offset = positive("vertical_scale", vertical_scale), finite("offset", offset)
         place = raster.place
         usual = EARTH_RADIUS if place.reference.earthly or not planet else place.reference.mean_radius
         keys: dict[str, Any] = {
@@ -291,7 +267,7 @@ class HeightField:
             "offset": None if offset == 0.0 else offset,
         }
         radius = usual if radius is None else radius
-        placed = _planet_place(place, raster.whole) if planet else _flat_place(place, spacing)
+        placed = planet_place(place, raster.whole) if planet else flat_place(place, spacing)
         if planet:
             placed["spacing"] = spacing  # refused by the constructor when given
         name = name or title(text)
@@ -318,7 +294,7 @@ class HeightField:
         if not planet:
             slopes = Slopes(field.spacing[0], vertical_scale)
             slopes.add(field.filled, None if field._core.valid is None else field.valid)
-            slopes.warn(text, _unplaced(place))
+            slopes.warn(text, unplaced(place))
         return field
 
     @property
@@ -459,16 +435,6 @@ class HeightField:
         )
 
 
-def _finite(what: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"height field: {what} {value!r} is not a number") from None
-    if not math.isfinite(number):
-        raise InvalidInput(f"height field: {what} {value!r} is not finite")
-    return number
-
-
 def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[float, float]:
     """Factor and summand that make heights of a raster's samples; `offset` is added, metres."""
     if not (math.isfinite(raster.scale) and raster.scale != 0 and math.isfinite(raster.offset)):
@@ -480,22 +446,6 @@ def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[floa
     return scale, raster.offset / raster.scale * scale + offset
 
 
-def _unplaced(place: Placement) -> str:
-    """What may be wrong where spacing and heights cannot belong together."""
-    if place.known and not place.reference.name:
-        return "; it has no reference system: are these degrees? Give spacing=METRES, or assign the system"
-    return "; give spacing=METRES or vertical_scale=FACTOR"
-
-
-def extent_of(frame: Mapping[str, Any]) -> str:
-    """Where a source lies, in words, by its frame; y falls down the rows."""
-    if frame["planet"]:
-        return f"planet of radius {frame['radius']:g} m"
-    x, y = frame.get("x0", 0.0), frame.get("y0", 0.0)
-    east, south = x + (frame["cols"] - 1) * frame["dx"], y - (frame["rows"] - 1) * frame["dy"]
-    return f"x {x:.10g} to {east:.10g}, y {y:.10g} down to {south:.10g} m"
-
-
 def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:
     bad = np.isinf(heights) if valid is None else np.isinf(heights) & valid
     if bad.any():
@@ -504,80 +454,3 @@ def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarr
             f"height field: {name} has height {array[row, col]} at row {row}, column {col}{scaled}; "
             "heights are finite and fit float32"
         )
-
-
-def _planet_frame(
-    shape: tuple[int, int], degrees: tuple[float, float, float, float] | None, radius: float
-) -> tuple[dict[str, Any], int]:
-    """Frame of a planet's grid, and how many columns to keep. Steps are snapped to whole circles."""
-    rows, cols = shape
-    if degrees is None:
-        degrees = (0.0, 90.0, 360.0 / cols, 180.0 / (rows - 1))
-    lon0, lat0, dlon, dlat = (float(v) for v in degrees)
-    if not all(map(math.isfinite, (lon0, lat0))):
-        raise InvalidInput(f"height field: planet starts at ({lon0}, {lat0}) degrees; finite numbers are needed")
-    dlon, dlat = positive("planet column step", dlon), positive("planet row step", dlat)
-    if abs((cols - 1) * dlon - 360.0) < _SNAP * dlon:
-        cols -= 1
-    wraps = abs(cols * dlon - 360.0) < _SNAP * dlon
-    if wraps:
-        dlon = 360.0 / cols
-    south = lat0 - (rows - 1) * dlat
-    lat0 = 90.0 if abs(lat0 - 90.0) < _SNAP * dlat else lat0
-    south = -90.0 if abs(south + 90.0) < _SNAP * dlat else south
-    dlat = (lat0 - south) / (rows - 1)
-    metres = math.radians(1.0) * radius
-    frame = {"lon0": lon0, "lat0": lat0, "dlon": dlon, "dlat": dlat, "wraps": wraps}
-    return frame | {"dx": dlon * metres, "dy": dlat * metres}, cols
-
-
-def make_frame(
-    shape: tuple[int, int],
-    spacing: float | tuple[float, float] | None = None,
-    planet: bool = False,
-    radius: float = EARTH_RADIUS,
-    origin: tuple[float, float] = (0.0, 0.0),
-    degrees: tuple[float, float, float, float] | None = None,
-) -> tuple[dict[str, Any], int]:
-    """Where the samples of an array lie, as keywords of the core, and how many of its columns are kept."""
-    frame: dict[str, Any] = {"planet": bool(planet), "radius": positive("radius", radius)}
-    columns = shape[1]
-    if planet:
-        if spacing is not None:
-            raise InvalidInput("height field: spacing is for flat fields; a planet's follows from its degrees")
-        placed, columns = _planet_frame(shape, degrees, frame["radius"])
-        frame |= placed
-    else:
-        dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
-        x0, y0 = _origin(origin)
-        frame |= {"dx": dx, "dy": dy, "x0": x0, "y0": y0}
-    return frame | {"rows": shape[0], "cols": columns}, columns
-
-
-def _flat_place(place: Placement, spacing: float | tuple[float, float] | None) -> dict[str, Any]:
-    """spacing and origin of a raster, metres."""
-    if spacing is None and not place.known and place.reference.name:
-        warnings.warn(
-            f"{place.path}: it has a reference system ({place.reference.name}), but nothing says where its samples "
-            f"lie; they are taken as {DEFAULT_SPACING:g} m apart (spacing=METRES says otherwise)",
-            stacklevel=3,
-        )
-    if spacing is not None or not place.known:
-        dx, dy = _pair("spacing", DEFAULT_SPACING if spacing is None else spacing)
-        return {"spacing": (dx, dy), "origin": (place.col0 * dx, -place.row0 * dy)}
-    kx, ky = place.metres_per_unit()
-    x, y = place.first
-    return {"spacing": (place.step[0] * kx, place.step[1] * ky), "origin": (x * kx, y * ky)}
-
-
-def _planet_place(place: Placement, whole: tuple[int, int]) -> dict[str, Any]:
-    """degrees of a raster's samples; a raster that lies nowhere covers the sphere."""
-    if not place.known:
-        dlon, dlat = 360.0 / whole[1], 180.0 / (whole[0] - 1)
-        return {"degrees": (place.col0 * dlon, 90.0 - place.row0 * dlat, dlon, dlat)}
-    reference = place.reference
-    if not reference.geographic or reference.derived:
-        kind = "has rotated poles" if reference.derived else "is projected"
-        raise InvalidInput(f"height field: planet=true needs longitude and latitude; {place.path} {kind}")
-    lon, lat = (v * reference.unit for v in place.first)
-    return {"degrees": (lon + reference.meridian, lat, *(v * reference.unit for v in place.step))}

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .heightfield import extent_of
+from .frames import extent_of
 
 LEAST_COVERED = 0.1  # of the measured pictures, below which their figures are of a few pixels
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from . import _core
 from .errors import InvalidInput, Unsupported
-from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _unplaced, _valid_mask, window_samples
+from .frames import unplaced
+from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask, window_samples
 from .plausible import MARKS, Rounding, Slopes, check_heights, extremes, outlying
 from .raster import Raster
 
@@ -322,7 +323,7 @@ class RasterReader:
             self._ask()
         rounding.warn(self._source.path)
         if not frame["planet"]:
-            slopes.warn(self._source.path, _unplaced(self._place))
+            slopes.warn(self._source.path, unplaced(self._place))
         return field
 
     def _ask(self) -> None:

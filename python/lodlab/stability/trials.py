@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..heightfield import EARTH_RADIUS, HeightField
+from ..frames import EARTH_RADIUS
+from ..heightfield import HeightField
 from ..stores import method_table
 from . import fields
 from .stage import look
