@@ -151,6 +151,9 @@ def test_spacing_and_relief_that_cannot_belong_together_are_warned_of(load, tmp_
     path = write(tmp_path / "a.tif", 10 * HILLS, Affine(0.0003, 0, 14, 0, -0.0003, 46))
     with pytest.warns(UserWarning, match="has no reference system: are these degrees"):
         load(path)
+    plain = np.where(X % 10 == 0, 3, 2).astype(np.int16)  # most steps are none
+    with pytest.warns(UserWarning, match="rises .* m a metre on average"):
+        load(write(tmp_path / "b.tif", plain, Affine(0.0003, 0, 14, 0, -0.0003, 46)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load(f"{path}:spacing=30,vertical_scale=1000")  # meant

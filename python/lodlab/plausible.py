@@ -18,7 +18,7 @@ MARKS = (-32768.0, -32767.0, -9999.0, -99999.0, -999999.0, -(2.0**31))
 MARKS += (9999.0, 32767.0, 65535.0, 99999.0, 999999.0, 2.0**31 - 1)
 HUGE = 1e30
 MOST = 1e9  # metres: no height of any planet's, whatever its unit
-STEEP = 20.0  # 87 degrees, of half of the ground
+STEEP = 20.0  # 87 degrees
 ROUNDED = 2.0**-16  # of the relief
 _PIECE = 1 << 22  # samples looked at together
 _LINES = 64  # rows whose slopes are looked at, of each piece
@@ -125,13 +125,13 @@ class Rounding:
 
 
 class Slopes:
-    """How steep half of the ground is, row by row. A vertical scale above 1 is meant to exaggerate, one below to
-    convert: the first is left out."""
+    """How steep the ground is on average, along some of its rows. A vertical scale above 1 is meant to exaggerate,
+    one below to convert: the first is left out."""
 
     def __init__(self, spacing: float, vertical_scale: float) -> None:
         self._spacing = spacing
         self._exaggeration = max(1.0, vertical_scale)
-        self._steps: list[np.ndarray] = []
+        self._rise, self._steps = 0.0, 0
 
     def add(self, heights: np.ndarray, valid: np.ndarray | None) -> None:
         """(h, w) heights, metres; some rows are looked at."""
@@ -139,17 +139,15 @@ class Slopes:
         steps = np.abs(np.diff(heights[rows].astype(np.float64), axis=1))
         if valid is not None:
             steps = steps[valid[rows, 1:] & valid[rows, :-1]]
-        if steps.size:
-            self._steps.append(np.quantile(steps, np.linspace(0.0, 1.0, 17)))
+        self._rise += float(steps.sum())
+        self._steps += steps.size
 
     def warn(self, path: str, why: str) -> None:
-        """A warning where half of the ground is steeper than STEEP."""
-        if not self._steps:
-            return
-        slope = float(np.median(np.concatenate(self._steps))) / (self._spacing * self._exaggeration)
+        """A warning where the ground is steeper than STEEP."""
+        slope = self._rise / (max(self._steps, 1) * self._spacing * self._exaggeration)
         if slope > STEEP:
             warnings.warn(
-                f"{path}: half of its ground rises {slope:.3g} m a metre: its heights and its spacing of "
+                f"{path}: its ground rises {slope:.3g} m a metre on average: its heights and its spacing of "
                 f"{self._spacing:.6g} m cannot belong together{why}",
                 stacklevel=4,
             )
