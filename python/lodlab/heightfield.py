@@ -147,6 +147,7 @@ class HeightField:
     degrees: (lon0, lat0, dlon, dlat) of a planet's samples. A last column that repeats the first, 360
         degrees further, is dropped.
     offset: added to the heights before vertical_scale.
+    raster: what the array are the samples of, with their scale, offset and unit; `HeightField.open` gives it.
 
     Raises
     ------
@@ -178,9 +179,9 @@ class HeightField:
         array = _as_array(array, name)
         marks = _nodata(nodata)
         _check_array(array, name)
-        scale = positive("vertical_scale", vertical_scale)
+        scale = vertical_scale = positive("vertical_scale", vertical_scale)
         offset = finite("offset", offset) * scale
-        if raster is not None:  # the array is its samples
+        if raster is not None:
             scale, offset = _scaling(raster, vertical_scale, offset)
         frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
         array = array[:, :columns]
@@ -194,7 +195,7 @@ class HeightField:
         _check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
         rounding = Rounding()
         rounding.add(array, heights, valid, scale, offset)
-        rounding.warn(name)
+        rounding.warn(name, vertical_scale)
         frame["height_step"] = _height_step(array, valid, scale, offset)
         mask = None
         if valid is not None:

@@ -111,17 +111,20 @@ class Rounding:
             self._low = min(self._low, float(exact.min(where=real, initial=math.inf)))
             self._high = max(self._high, float(exact.max(where=real, initial=-math.inf)))
 
-    def warn(self, name: str) -> None:
-        """A warning where more than ROUNDED of the relief is lost."""
+    def warn(self, name: str, vertical_scale: float) -> None:
+        """A warning where more than ROUNDED of the relief is lost, with the offset (before `vertical_scale`) that
+        brings the heights near 0."""
         relief = self._high - self._low
-        if self._worst > ROUNDED * relief > 0.0:
-            middle = float(f"{-0.5 * (self._low + self._high):.3g}")
-            warnings.warn(
-                f"{name}: its heights are rounded by up to {self._worst:.3g} m to fit 32-bit floats, "
-                f"{self._worst / relief:.2g} of their relief; offset={middle:.12g} shifts the whole field so that they "
-                "keep their last digits",
-                stacklevel=4,
-            )
+        if not self._worst > ROUNDED * relief > 0.0:
+            return
+        middle = -0.5 * (self._low + self._high) / vertical_scale
+        step = 10.0 ** math.floor(math.log10(relief / vertical_scale))
+        warnings.warn(
+            f"{name}: its heights are rounded by up to {self._worst:.3g} m to fit 32-bit floats, "
+            f"{self._worst / relief:.2g} of their relief; offset={round(middle / step) * step:.15g} (on top of any "
+            "given) shifts the whole field so that they keep their last digits",
+            stacklevel=4,
+        )
 
 
 class Slopes:

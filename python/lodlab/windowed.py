@@ -321,7 +321,7 @@ class RasterReader:
         ends = [(z - self._offset) / self._scale for z in (field.z_min, field.z_max)]
         if self._guess and any(math.isclose(end, mark, rel_tol=1e-6) for end in ends for mark in MARKS):
             self._ask()
-        rounding.warn(self._source.path)
+        rounding.warn(self._source.path, self._vertical_scale)
         if not frame["planet"]:
             slopes.warn(self._source.path, unplaced(self._place))
         return field
