@@ -231,3 +231,21 @@ def test_planets_are_refused(tmp_path: Path) -> None:
     planet = lod.HeightField(np.zeros((19, 36)), planet=True)
     with pytest.raises(lod.errors.Unsupported, match="planet"):
         lod.build(planet, "chunked", tmp_path / "p.lod", progress=False)
+
+
+def test_bounds_hold_half_morphed_on_a_high_plateau(tmp_path: Path) -> None:
+    """Heights near 9 km in quanta of 4 mm: floats round what lies between two of them by a quarter of a quantum."""
+    heights = 8848.0 + 0.04 * _core.fractal(129, 128, 11, 7, seed=3, roughness=0.5).astype(float)
+    field = lod.HeightField(heights, spacing=(1.0, 0.1))
+    store = lod.build(field, "chunked", tmp_path / "s.lod", progress=False, leaf=4, chunk_triangles=32768)
+    session, instrument = store.core.session({"stream": False}), _core.Instrument(field.core, None)
+    eye = field.core.position([99], [115])[0] + [0.0, 0.0, 0.0024]
+    morphed = 0
+    for pixel_error in (0.01, 0.026, 0.1):
+        view = _core.View(tuple(eye), tuple(eye - [0.0, 0.0, 0.0024]), fov=170.0, size=(96, 64))
+        cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+        nodes, errors = instrument.examine(session, cut, view, pictures=False).node_errors()
+        bounds = dict(zip(cut.nodes["node"], cut.nodes["error"], strict=True))
+        morphed += ((cut.nodes["morph"] > 0) & (cut.nodes["morph"] < 1)).sum()
+        assert all(e <= bounds[n] + instrument.slack(view) for n, e in zip(nodes, errors, strict=True))
+    assert morphed > 0

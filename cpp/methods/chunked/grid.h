@@ -10,7 +10,9 @@
 // the height of the border sample next to it, and triangles are later cut at the border.
 #pragma once
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -25,6 +27,12 @@ struct Quantizer {
   double residual = 0.0;  ///< largest |source - quantized| over all real samples, source units
 
   double height(double k) const { return quantum * (k + static_cast<double>(base)); }
+  /// What 32-bit floats round off a height between two of these, as chunk.vert mixes them; whole ones are
+  /// exact.
+  double rounding() const {
+    const auto low = static_cast<double>(base), most = std::max(std::abs(low), std::abs(low + 65536.0));
+    return quantum * 0x1p-24 * 2.0 * (most + 65536.0);
+  }
 };
 
 struct Layout {

@@ -37,9 +37,11 @@ class ChunkedSession : public Session {
   void select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut);
   void finish(const Projector& projector, const Budget& budget, Cut& cut) const;
   void request_children(const Cut& cut, const Projector& projector);
-  /// The bound of a node drawn with this morph weight: between its own and its parent's.
-  static double drawn_error(const Node& node, float morph) {
-    return node.error + (1.0 - static_cast<double>(morph)) * (node.parent_error - node.error);
+  /// The bound of a node drawn with this morph weight: between its own and its parent's, and what floats
+  /// round.
+  double drawn_error(const Node& node, float morph) const {
+    const double mixed = node.error + (1.0 - static_cast<double>(morph)) * (node.parent_error - node.error);
+    return morph > 0.0f && morph < 1.0f ? mixed + hierarchy_->quantizer.rounding() : mixed;
   }
   int64_t submitted_triangles(const Node& node) const {
     return (skirts_ ? node.indices : node.surface_indices) / 3;
