@@ -41,6 +41,15 @@ FIELDS = {
     "voids": lambda: fields.holed(fields.hills(130, 150)),
 }
 
+#: (lon0, lat0, dlon, dlat) of patches of 41 x 61 samples: a border row is a parallel, no great circle.
+PATCHES = {
+    "north": (170.0, 70.0, 0.5, 0.5),
+    "south": (-20.0, -10.0, 0.5, 0.5),
+    "equator": (0.0, 12.0, 1.0, 0.5),
+    "at the pole": (0.0, 90.0, 3.0, 1.0),
+    "coarse": (-90.0, 80.0, 4.0, 1.5),
+}
+
 
 def over(field: lod.HeightField, height: float = 0.4, fov: float = 60.0, size=(200, 120)) -> _core.View:
     """An oblique view from the south-west corner towards the middle."""
@@ -294,6 +303,27 @@ class MethodContract:
         slack = float_slack(session.capture(cut, view), view)
         assert row["hole_samples"] == 0
         assert row["measured_max"] <= stored(nodes, cut)["error"].max() + slack
+
+    @pytest.mark.parametrize("place", sorted(PATCHES))
+    def test_no_cut_leaves_out_a_border_sample_of_a_patch_of_a_planet(self, place: str, tmp_path: Path) -> None:
+        heights = 300.0 * fields.hills(41, 61)
+        field = lod.HeightField(heights, planet=True, degrees=PATCHES[place])
+        if "planet" not in self.info["accepts"]:
+            with pytest.raises(lod.errors.Unsupported, match="planet"):
+                lod.build(field, self.method, tmp_path / "p.lod", progress=False)
+            return
+        store = lod.build(field, self.method, tmp_path / "p.lod", progress=False, **self.build_options)
+        instrument, session = _core.Instrument(field.core, None), store.core.session({})
+        up = field.core.position(np.array([20]), np.array([30]))[0]
+        view, random = _core.View(tuple(1.5 * up), tuple(up), size=(160, 100)), np.random.default_rng(7)
+        for _ in range(6):
+            cut = any_cut(session, store.nodes, random)
+            found = instrument.examine(session, cut, view, pictures=False)
+            assert (found.hole_samples, found.crack_edges, found.inverted_triangles) == (0, 0, 0)
+            bound = stored(store.nodes, cut)["error"].max()
+            assert found.measured_max <= bound + instrument.slack(view)
+        if place == "north":
+            assert len(lod.instrument.audit(store, cuts=2, progress=False).broken) == 0
 
     @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
     @given(

@@ -37,6 +37,7 @@ layout(std430, binding = 3) readonly buffer Vertices { Vertex vertices[]; };
 layout(std430, binding = 4) readonly buffer Strides { uint strides[]; };  // a byte a block
 
 uniform ivec2 u_last;    // column and row
+uniform int u_fringe;    // at least 0: the row whose samples, from column 0 on, are the vertices (grids.h)
 uniform ivec4 u_blocks;  // blocks a row; log2 of their side; 1: columns wrap; poles
 
 int stride_of(int block_x, int block_y) {
@@ -56,11 +57,11 @@ void main() {
 
   StitchNode node = StitchNode(a_place.x, a_place.y, int(a_tag.y >> 8 & 255u), int(a_tag.y & 255u));
   StitchField field = StitchField(u_last.x, u_last.y, u_blocks.x, u_blocks.y, u_blocks.z, u_blocks.w);
-  StitchVertex at = stitch(node, i, j, field);
+  StitchVertex at = u_fringe < 0 ? stitch(node, i, j, field) : StitchVertex(gl_VertexID, u_fringe);
   int a = node.stride_log2, up = (1 << a) - 1;  // a clamped vertex is the tile's last
   int to_i = (at.col - node.col + up) >> a, to_j = (at.row - node.row + up) >> a;
   Vertex own = a_vertex;
-  if (to_i != i || to_j != j) {
+  if (u_fringe < 0 && (to_i != i || to_j != j)) {
     int to_strip = (max(to_i, 1) - 1) >> 4;  // the last column of one rather than the first of the next
     own = vertices[a_place.z + (to_strip * a_place.w + to_j) * kPitch + to_i - (to_strip << 4)];
   }

@@ -128,6 +128,14 @@ class Surface {
         }
       }
     }
+    if (layout.has_fringe(n.row, size)) {
+      const auto row = static_cast<int>(layout.fringe_row());
+      const int end = n.col + static_cast<int>(layout.cells_x(n.col, size, 0));
+      for (int west = n.col; west < end; west += 1 << a) {
+        for (int i = west + 1; i < std::min(west + (1 << a), end); ++i)
+          add({west, row}, {layout.fringe_first ? i + 1 : i, row}, {layout.fringe_first ? i : i + 1, row});
+      }
+    }
     return out;
   }
 
@@ -234,6 +242,14 @@ Field patch(int64_t rows, int64_t cols, unsigned seed) {
   return synthetic::field(frame, rough(seed));
 }
 
+/// Once round, from the first row's latitude on.
+Field band(int64_t rows, int64_t cols, double north, unsigned seed) {
+  FieldFrame frame = synthetic::planet(33, cols, 20000.0);
+  frame.rows = rows;
+  frame.lat0 = north;
+  return synthetic::field(frame, rough(seed));
+}
+
 std::vector<Case> cases() {
   return {{"smallest", flat(2, 2, 1), {}},
           {"strip", flat(2, 45, 2), {}},
@@ -250,7 +266,9 @@ std::vector<Case> cases() {
           {"globe, three columns in the last block", globe(25, 51, 12), shape(16, 2, 16)},
           {"globe, automatic", globe(19, 36, 13), {}},
           {"smallest globe", globe(3, 3, 14), {}},
-          {"patch", patch(30, 41, 15), shape(16, 3, 16)}};
+          {"patch", patch(30, 41, 15), shape(16, 3, 16)},
+          {"cap", band(14, 64, 90.0, 16), shape(16, 3, 16)},
+          {"southern band", band(13, 51, -12.0, 17), shape(16, 3, 16)}};
 }
 
 /// Every directed edge has its opposite, but along the border of a field that has one.
@@ -319,6 +337,39 @@ TEST_CASE("no triangle of any cut is farther from the samples than its bound, an
     CHECK(ratios[ratios.size() / 2] <= 1.05);
     CHECK(ratios.back() <= 3.0);
   }
+}
+
+TEST_CASE(
+    "a border row that great circles would leave has all its samples, and the store's count of triangles") {
+  std::mt19937 random(3);
+  int64_t fringed = 0;
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Opened opened = open(c.field, c.options);
+    const Forest& forest = *opened.forest;
+    const Surface surface(opened);
+    const int64_t row = forest.layout.fringe_row();
+    for (int round = 0; round < 4; ++round) {
+      StrideMap map(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()));
+      const std::vector<Selected> cut = random_cut(forest, random);
+      for (const Selected& s : cut) forest.mark(forest.node[s.node], s.k, map);
+      std::set<int64_t> met;
+      for (const Selected& s : cut) {
+        const Node& n = forest.node[s.node];
+        const std::vector<Triangle> drawn = surface.triangles(s, map);
+        CHECK(drawn.size() <= forest.at(n, s.k).triangles);
+        for (const Triangle& t : drawn) {
+          for (const StitchVertex& v : t) {
+            if (v.row == row) met.insert(surface.key(v));
+          }
+        }
+      }
+      if (row < 0) continue;
+      fringed += met.size() == static_cast<size_t>(c.field->cols);
+      CHECK(met.size() == static_cast<size_t>(c.field->cols));
+    }
+  }
+  CHECK(fringed == 12);
 }
 
 TEST_CASE("fields and layouts of any size: bounds hold, or the layout is refused") {

@@ -169,6 +169,27 @@ def test_what_is_seen_through_an_opening_of_a_globe_or_from_under_its_ground_is_
         assert (np.isfinite(session.draw(cut, view).depth) != seen).sum() < 0.02 * seen.sum()
 
 
+@pytest.mark.parametrize("normals", ["geometric", "attribute"])
+@pytest.mark.parametrize("degrees", [(5.0, 70.0, 0.05, 0.05), (5.0, -60.0, 0.05, 0.05), (5.0, 5.0, 0.05, 0.05)])
+def test_a_patch_of_a_planet_has_no_gap_along_its_border_at_any_budget(degrees, normals: str, tmp_path) -> None:
+    lon, lat = np.radians(0.05 * np.arange(100))[None, :], np.radians(0.05 * np.arange(100))[:, None]
+    heights = 1500.0 * (1.0 + np.sin(37 * lon) * np.cos(29 * lat) + 0.3 * np.sin(211 * lon + 97 * lat))
+    field = lod.HeightField(heights, planet=True, degrees=degrees)
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False, normals=normals)
+    full = lod.build(field, "full", tmp_path / "full.lod", progress=False, normals=normals)
+    instrument, session = _core.Instrument(field.core, full.core.session({})), store.core.session({"stream": False})
+    middle = field.core.position(np.array([50]), np.array([50]))[0]
+    view = _core.View(tuple(1.15 * middle), tuple(middle), up=(0.0, 0.0, 1.0), size=(200, 150), fov=50.0)
+    reference = instrument.reference(view)
+    for budget in ({"pixel_error": 0.05}, {"pixel_error": 1.0}, {"triangles": 1500}, {"triangles": 6000}):
+        cut, row = session.time_frame(view, _core.Budget(**budget))
+        found = instrument.examine(session, cut, view, reference)
+        assert (found.hole_samples, found.crack_edges, found.capture_mismatch_pixels) == (0, 0, 0)
+        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 200
+        assert cut.budget_met and row["triangles"] == found.drawn_triangles == cut.triangles
+        assert row["triangles"] <= budget.get("triangles", np.inf)
+
+
 def test_vertical_projection_on_a_planet_is_refused_since_up_is_not_z(earth) -> None:
     _, store = earth
     with pytest.raises(lod.errors.Unsupported, match="projection = vertical .* flat fields only"):

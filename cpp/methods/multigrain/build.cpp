@@ -241,6 +241,7 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
                  writer);
   BlockErrors errors = no_errors(layout);
   std::vector<Box> boxes(errors.low.size());
+  std::vector<float> fringe;
   double share = 0.0;
   const auto next_part = [&] {
     share += half;
@@ -253,6 +254,9 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
       for (int64_t i = step.first_block + begin; i < step.first_block + end; ++i)
         boxes[static_cast<size_t>(i)] = block_box(rows, layout, errors, i);
     });
+    const int64_t border = layout.fringe_row();
+    if (border >= step.first && border <= step.end && fringe.empty())
+      fringe.assign(rows.row(border), rows.row(border) + layout.cols);
     if (normals) normals->take(rows, step.end < layout.last_row() ? step.end : layout.rows, progress);
     if (at_once) all.take(rows, step.first, step.end, next_part());
   }
@@ -272,6 +276,7 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   writer.put_array("own", as_bytes(errors.own));
   writer.put_array("strips", as_bytes(errors.strips));
   if (bands.frame().planet) writer.put_array("high", as_bytes(errors.high));
+  if (!fringe.empty()) writer.put_array("fringe", as_bytes(fringe));
   writer.put_meta("bounds", options.text("bounds"));
 }
 

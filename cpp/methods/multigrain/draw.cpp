@@ -54,8 +54,9 @@ struct MultigrainSession::Gpu {
   struct Batch {
     size_t first, count;
     int64_t triangles;
-    size_t part;  ///< of the heights
+    size_t part;  ///< of the heights; kFringe: the border row
   };
+  static constexpr size_t kFringe = SIZE_MAX;
   /// A patch of a node, and where it lies in its tiles.
   struct Pick {
     const CutNode* node;
@@ -68,6 +69,8 @@ struct MultigrainSession::Gpu {
       : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
     if (forest.frame.planet) {
       lattice.emplace(forest.frame);
+      if (!forest.fringe.empty())
+        fringe = gl::Buffer(lattice->row(forest.layout.fringe_row(), forest.fringe));
       arrays.integers(0, 0, 4, GL_INT, 0);
     } else {
       arrays.floats(0, 0, 1, GL_FLOAT, 0);
@@ -93,11 +96,11 @@ struct MultigrainSession::Gpu {
   TileMemory tiles;
   std::optional<Lattice> lattice;  ///< of a planet
   Grids grids;
-  gl::Buffer indices{0}, instances{0}, commands{0}, strides{0};
+  gl::Buffer indices{0}, instances{0}, commands{0}, strides{0}, fringe{0};
   gl::VertexArray arrays;
   StrideMap map;
   std::vector<Instance> instance_data;
-  std::vector<Command> command_data;
+  std::vector<Command> command_data, fringe_data;
   std::vector<Batch> batches;
   std::vector<Pick> picks;
   std::vector<uint32_t> dropped;
@@ -138,6 +141,14 @@ void MultigrainSession::Gpu::add(const Forest& forest, const Pick& pick, render:
   batches.back().triangles += triangles;
   command_data.push_back({grid.indices, 1, grid.first_index, static_cast<int32_t>(place.height),
                           static_cast<uint32_t>(instance_data.size())});
+  if (const int64_t fans = layout.fringe_triangles(patch.row, patch.col, size, stride); fans > 0) {
+    const int64_t width = layout.cells_x(patch.col, size, 0);
+    const Grids::Range range = grids.fringe(width, stride, layout.fringe_first);
+    fringe_data.push_back({range.indices, 1, range.first_index, static_cast<int32_t>(patch.col),
+                           static_cast<uint32_t>(instance_data.size())});
+    pass.submitted.triangles += fans;
+    pass.submitted.vertices += width + 1;
+  }
   instance_data.push_back({patch.col, patch.row, static_cast<int32_t>(place.height),
                            static_cast<int32_t>(place.tile_rows), picked.node,
                            static_cast<uint32_t>(node.level << 16 | size << 8 | stride)});
@@ -179,8 +190,12 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
     glUniform2f(glGetUniformLocation(name, "u_lattice"), static_cast<float>(lattice->cell()),
                 static_cast<float>(lattice->quantum()));
   }
-  arrays.source(0, tiles.part(batch.part), 0, static_cast<int>(paging.vertex_bytes()));
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeightBuffer, tiles.part(batch.part).id());
+  const bool along_border = batch.part == kFringe;
+  glUniform1i(glGetUniformLocation(name, "u_fringe"),
+              along_border ? static_cast<GLint>(layout.fringe_row()) : -1);
+  const gl::Buffer& vertices = along_border ? fringe : tiles.part(batch.part);
+  arrays.source(0, vertices, 0, static_cast<int>(paging.vertex_bytes()));
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeightBuffer, vertices.id());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrideBuffer, strides.id());
   arrays.bind();
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
@@ -212,11 +227,16 @@ void MultigrainSession::Gpu::submit(const Forest& forest, render::Pass& pass) {
   std::stable_sort(picks.begin(), picks.end(), [](const Pick& a, const Pick& b) { return a.part < b.part; });
   instance_data.clear();
   command_data.clear();
+  fringe_data.clear();
   batches.clear();
   maps->begin();
   for (const Pick& pick : picks) add(forest, pick, pass);
   picks.clear();
   if (command_data.empty()) return;
+  if (!fringe_data.empty()) {
+    batches.push_back({command_data.size(), fringe_data.size(), 0, kFringe});
+    command_data.insert(command_data.end(), fringe_data.begin(), fringe_data.end());
+  }
   upload(pass.submitted);
   for (const Batch& batch : batches) draw(forest.layout, batch, pass);
 }
@@ -271,7 +291,7 @@ int64_t MultigrainSession::resident_bytes() const {
   if (!gpu_) return 0;
   const Gpu& gpu = *gpu_;
   int64_t sum = gpu.field->bytes() + gpu.tiles.bytes() + gpu.maps->bytes();
-  for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides}) {
+  for (const gl::Buffer* b : {&gpu.indices, &gpu.instances, &gpu.commands, &gpu.strides, &gpu.fringe}) {
     sum += b->bytes();
   }
   return sum;

@@ -28,4 +28,18 @@ Grids::Range Grids::range(const Shape& shape) {
   return ranges_[shape] = {first, static_cast<uint32_t>(indices_.size()) - first};
 }
 
+/// Between each cell's border, a great circle, and the samples of the row: a fan from its western corner.
+Grids::Range Grids::fringe(int64_t width, int stride_log2, bool north) {
+  const std::tuple key(width, stride_log2, north);
+  const auto known = fringes_.find(key);
+  if (known != fringes_.end()) return known->second;
+  const auto first = static_cast<uint32_t>(indices_.size());
+  const auto end = static_cast<uint32_t>(width), stride = uint32_t{1} << stride_log2;
+  for (uint32_t west = 0; west < end; west += stride) {
+    for (uint32_t i = west + 1; i < std::min(west + stride, end); ++i)
+      indices_.insert(indices_.end(), {west, north ? i + 1 : i, north ? i : i + 1});
+  }
+  return fringes_[key] = {first, static_cast<uint32_t>(indices_.size()) - first};
+}
+
 }  // namespace lodlab::multigrain

@@ -12,6 +12,7 @@
 #include <compare>
 #include <cstdint>
 #include <map>
+#include <tuple>
 #include <vector>
 
 namespace lodlab::multigrain {
@@ -37,11 +38,15 @@ class Grids {
 
   /// Indices count from the height of the grid's vertex (0, 0).
   Range range(const Shape& shape);
+  /// A fringe along so many samples, drawn with a stride: indices count from the sample under the grid's
+  /// vertex (0, 0), in the row itself.
+  Range fringe(int64_t width, int stride_log2, bool north);
   /// All shapes one after the other; only grows.
   const std::vector<uint32_t>& indices() const { return indices_; }
 
  private:
   std::map<Shape, Range> ranges_;
+  std::map<std::tuple<int64_t, int, bool>, Range> fringes_;
   std::vector<uint32_t> indices_;
 };
 

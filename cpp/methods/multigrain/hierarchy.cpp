@@ -99,7 +99,7 @@ int64_t triangle_count(const Layout& layout, const Node& n, int resolution) {
   const int64_t x = layout.cells_x(n.col, size, a), y = layout.cells_y(n.row, size, a);
   const bool first = layout.pole_first && n.row == 0;
   const bool last = layout.pole_last && n.row + (int64_t{1} << size) >= layout.last_row();
-  return x * (2 * y - first - last);
+  return x * (2 * y - first - last) + layout.fringe_triangles(n.row, n.col, size, a);
 }
 
 Forest::Forest(std::shared_ptr<const Store> opened)
@@ -124,6 +124,9 @@ Forest::Forest(std::shared_ptr<const Store> opened)
     if (errors.high.size() != blocks)
       throw StoreError("multigrain: " + store->path() + " does not hold the heights of its blocks");
     occluder = make_occluder(*this);
+    if (layout.fringe_row() >= 0) fringe = store->array_of<float>("fringe");
+    if (layout.fringe_row() >= 0 && fringe.size() != static_cast<size_t>(frame.cols))
+      throw StoreError("multigrain: " + store->path() + " does not hold the samples of its border row");
   }
   roots = static_cast<uint32_t>(layout.charts_x() * layout.charts_y());
 }

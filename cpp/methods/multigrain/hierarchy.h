@@ -82,6 +82,7 @@ class Forest : public Hierarchy, public std::enable_shared_from_this<Forest> {
   std::vector<Resolution> resolution;
   uint32_t roots = 0;
   Occluder occluder;
+  std::vector<float> fringe;  ///< heights of Layout::fringe_row()
 };
 
 }  // namespace lodlab::multigrain

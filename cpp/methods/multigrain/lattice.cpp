@@ -46,6 +46,18 @@ std::vector<Lattice::Position> Lattice::positions(const Tiles& tiles, const Tile
   return out;
 }
 
+std::vector<Lattice::Position> Lattice::row(int64_t row, const std::vector<float>& heights) const {
+  const glm::dvec2 lat = cos_sin_degrees(frame_.latitude(row));
+  std::vector<Position> out;
+  for (int64_t col = 0; col < frame_.cols + (frame_.wraps ? 1 : 0); ++col) {
+    const glm::dvec2 at = cos_sin_degrees(frame_.longitude(col));
+    const double radius =
+        frame_.radius + static_cast<double>(heights[static_cast<size_t>(col % frame_.cols)]);
+    out.push_back(round(radius * glm::dvec3(lat.x * at.x, lat.x * at.y, lat.y)));
+  }
+  return out;
+}
+
 Lattice::Eye Lattice::eye(const glm::dvec3& eye) const {
   const glm::dvec3 cell = glm::clamp(glm::floor(eye / this->cell()), -kMostCell, kMostCell);
   return {glm::ivec3(cell), glm::vec3(eye - cell * this->cell())};

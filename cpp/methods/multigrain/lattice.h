@@ -30,6 +30,8 @@ class Lattice {
   /// Of a tile's samples, row by row, which have these heights.
   std::vector<Position> positions(const Tiles& tiles, const Tile& tile,
                                   const std::vector<float>& heights) const;
+  /// Of a row, which has these heights; of a planet that wraps, column 0 comes round again.
+  std::vector<Position> row(int64_t row, const std::vector<float>& heights) const;
 
   /// An eye as a cell and what is beyond it, source units. One cell less another never overflows.
   struct Eye {

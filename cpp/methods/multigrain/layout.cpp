@@ -49,6 +49,8 @@ Layout make_layout(const FieldFrame& frame, int chart_log2, int levels, int most
   layout.wraps = frame.wraps;
   layout.pole_first = is_pole(frame, 0);
   layout.pole_last = is_pole(frame, frame.rows - 1);
+  layout.fringe_first = frame.planet && !layout.pole_first && frame.latitude(0) < 0.0;
+  layout.fringe_last = frame.planet && !layout.pole_last && frame.latitude(frame.rows - 1) > 0.0;
   layout.chart_log2 = chart_log2;
   layout.levels = levels;
   layout.most_log2 = most_log2;

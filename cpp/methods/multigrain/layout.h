@@ -19,6 +19,9 @@ struct Layout {
   int64_t rows = 0, cols = 0;  ///< samples
   bool wraps = false;          ///< the last column is followed by the first
   bool pole_first = false, pole_last = false;
+  /// A planet's border row on the equator's side of its patch: great circles between its samples bend away
+  /// from it, into the patch, and leave a gap. A fringe of triangles fills it.
+  bool fringe_first = false, fringe_last = false;
   int chart_log2 = 1;  ///< cells a side of a chart
   int levels = 1;
   int most_log2 = 8;  ///< cells a side of the finest grid
@@ -30,6 +33,17 @@ struct Layout {
   int64_t last_col() const { return wraps ? cols : cols - 1; }
 
   int node_log2(int level) const { return chart_log2 - level; }
+  /// The row that has a fringe; -1: none. Never both: the equator is on one side of either.
+  int64_t fringe_row() const { return fringe_first ? 0 : fringe_last ? last_row() : -1; }
+  /// Whether a square of 2^size_log2 cells from this row on reaches the fringe.
+  bool has_fringe(int64_t row, int size_log2) const {
+    return (fringe_first && row == 0) || (fringe_last && row + (int64_t{1} << size_log2) >= last_row());
+  }
+  /// Triangles of the fringe along such a square: a fan for each cell of the grid.
+  int64_t fringe_triangles(int64_t row, int64_t col, int size_log2, int stride_log2) const {
+    if (!has_fringe(row, size_log2)) return 0;
+    return cells_x(col, size_log2, 0) - cells_x(col, size_log2, stride_log2);
+  }
   /// Resolutions of a level: from least_resolution() to most_resolution(), both included.
   int least_resolution(int level) const { return std::max(1, levels - 1 - level); }
   int most_resolution(int level) const { return std::min(node_log2(level), most_log2); }

@@ -15,6 +15,7 @@
 #include <limits>
 #include <vector>
 
+#include "geometry/angles.h"
 #include "methods/multigrain/lattice.h"
 #include "methods/multigrain/measure.h"
 #include "multigrain/stitch.h"
@@ -87,7 +88,9 @@ class PlanetMeasurer : public Measurer {
       float& value = strips[edge * pairs + BlockErrors::pair(a, b)];
       value = std::max(value, error);
     };
-    for (int a = 0; a <= top_; ++a) own[a] = measure_cells(a, {a, a, a, a}, 0, cells_x(a), 0, cells_y(a));
+    for (int a = 0; a <= top_; ++a) {
+      own[a] = std::max(measure_cells(a, {a, a, a, a}, 0, cells_x(a), 0, cells_y(a)), fringe_error(block, a));
+    }
     for (int a = 0; a < top_; ++a) {
       const int nx = cells_x(a), ny = cells_y(a);
       for (const Edge edge : {kNorth, kEast, kSouth, kWest}) {
@@ -185,9 +188,30 @@ class PlanetMeasurer : public Measurer {
         }
       }
     }
-    const double rounded = worst + kRounding * (field_.radius + field_.z_max);
+    return rounded_up(worst);
+  }
+
+  float rounded_up(double error) const {
+    const double rounded = error + kRounding * (field_.radius + field_.z_max);
     return std::nextafter(static_cast<float>(rounded), std::numeric_limits<float>::infinity());
   }
+
+  /// Of the fans between the border row's samples and the great circles between those that are drawn.
+  float fringe_error(const Block& block, int a) const {
+    if (a == 0 || !layout_.has_fringe(block.row, log2_)) return 0.0f;
+    const int row = layout_.fringe_first ? 0 : height_;
+    double worst = 0.0;
+    for (int west = 0; west < width_; west += 1 << a) {
+      const int east = std::min(west + (1 << a), width_);
+      double fans = 0.0;
+      for (int i = west + 1; i < east; ++i)
+        measure_triangle({Vertex{row, west}, {row, i}, {row, i + 1}}, fans);
+      worst = std::max(worst, std::min(fans, wall_error(row, west, east)));
+    }
+    return rounded_up(worst);
+  }
+
+  double wall_error(int row, int west, int east) const;
 
   double radius(const Vertex& v) const {
     return radius_[static_cast<size_t>(above_ + v.row) * cosine_.size() + static_cast<size_t>(v.col)];
@@ -272,6 +296,30 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
                                    radius_.data() + r * cosine_.size() + skip, right - left + 1);
     worst = std::max(worst, error + lattice);
   }
+}
+
+/// A fan that is as thin as steps of the lattice is a wall: a ray that a step moves meets it at any height
+/// from that of the great circle to those of the samples. Infinite where the fan is as high as a row of
+/// samples.
+double PlanetMeasurer::wall_error(int row, int west, int east) const {
+  const Vertex ends[] = {{row, west}, {row, east}};
+  const glm::dvec3 from = radius(ends[0]) * direction(ends[0]), to = radius(ends[1]) * direction(ends[1]);
+  const glm::dvec3 normal = glm::cross(to - from, glm::cross(from, to));
+  const auto r = static_cast<size_t>(above_ + row);
+  const double latitude = std::abs(std::atan(slope_[r]));
+  const double bulge =
+      std::atan(std::abs(slope_[r]) / half_cosine_[static_cast<size_t>(east - west)]) - latitude;
+  if (bulge >= 0.5 * field_.dlat * kRadiansPerDegree) return std::numeric_limits<double>::infinity();
+  double low = 0.0, high = 0.0, step = 0.0;
+  for (int i = west; i <= east; ++i) {
+    const double beyond = radius({row, i}) - glm::dot(normal, from) / glm::dot(normal, direction({row, i}));
+    low = std::min(low, beyond);
+    high = std::max(high, beyond);
+    if (i > west) step = std::max(step, std::abs(radius({row, i}) - radius({row, i - 1})));
+  }
+  const double across = glm::distance(direction({row, west}), direction({row, west + 1}));
+  const double nearest = field_.radius + field_.z_min;
+  return high - low + 4.0 * lattice_error_ * (1.0 + step / (nearest * across));
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // multigrain: what its files give to one another, and the store.
 //   arrays: layout (chart_log2, levels, most_log2), nodes (Node), resolutions (Resolution), own and strips
-//   (BlockErrors), of a planet also high; meta: bounds; pages: heights by tile (tiles.h;
-//   method/sample_code.h), the coverage mask, and, with maps, their tiles (method/map_tiles.h) and an array
-//   each, colors and normals (finer_log2, side_log2).
+//   (BlockErrors), of a planet also high, and fringe (the heights of its row) where there is one; meta:
+//   bounds; pages: heights by tile (tiles.h; method/sample_code.h), the coverage mask, and, with maps, their
+//   tiles (method/map_tiles.h) and an array each, colors and normals (finer_log2, side_log2).
 #pragma once
 
 #include "base/options.h"
@@ -27,7 +27,7 @@ std::vector<Node> make_nodes(const Layout& layout);
 /// Of a planet's forest.
 Occluder make_occluder(const Forest& forest);
 
-/// Triangles of a grid: two a cell, one beside a pole.
+/// Triangles of a grid: two a cell, one beside a pole; and of its fringe.
 int64_t triangle_count(const Layout& layout, const Node& node, int resolution);
 
 void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress);

@@ -53,6 +53,7 @@ std::vector<int64_t> kinds_of_place(int64_t last, int size_log2, int tile_log2) 
 int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps) {
   const Layout& layout = forest.layout;
   std::set<Shape> shapes;
+  std::set<std::pair<int64_t, int>> fringes;
   int64_t indices = 0;
   for (int level = 0; level < layout.levels; ++level) {
     const int size = layout.node_log2(level);
@@ -63,6 +64,8 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
         for (const int64_t col : kinds_of_place(layout.last_col(), size, tile_log2)) {
           const bool first = layout.pole_first && row == 0;
           const bool last = layout.pole_last && row + (int64_t{1} << size) >= layout.last_row();
+          const int64_t fans = layout.fringe_triangles(row, col, size, a);
+          if (fans > 0 && fringes.insert({layout.cells_x(col, size, 0), a}).second) indices += 3 * fans;
           const int64_t x = layout.cells_x(col, size, a), y = layout.cells_y(row, size, a);
           const int64_t rows = x > kStrip ? tiles.at(tiles.id(a, row, col)).rows : 0;
           if (shapes.insert({x, y, rows, first, last}).second) indices += 3 * x * (2 * y - first - last);
@@ -70,12 +73,14 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
       }
     }
   }
-  const int64_t per_node =
-      2 * (44 + 16 * static_cast<int64_t>(maps));  // instance, command; buffers may double
+  const bool border = layout.fringe_row() >= 0;
+  const int64_t per_node =  // instance, commands; buffers may double
+      2 * ((border ? 64 : 44) + 16 * static_cast<int64_t>(maps));
   const FieldFrame& frame = forest.frame;
   const int64_t tables = frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0;
   const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
-  return 4 * indices + per_node * static_cast<int64_t>(forest.node.size()) + tables +
+  const int64_t fringe = border ? bytes_of_vertex(frame) * (layout.last_col() + 1) : 0;
+  return 4 * indices + fringe + per_node * static_cast<int64_t>(forest.node.size()) + tables +
          (forest.coverage().empty() ? 0 : mask) + layout.blocks_x() * layout.blocks_y() + 3;
 }
 
