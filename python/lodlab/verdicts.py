@@ -104,6 +104,8 @@ def stability(
     columns = ["scene", "method", "source", "figure", "value", "limit", "verdict"]
     body = [[f"{v:.4g}" if isinstance(v, float) else v for v in row] for row in table[columns].itertuples(index=False)]
     print_table(columns, body, left=4)
+    for name, summary in result.searches.items():
+        typer.echo(f"search, {name}: {summary}")
     typer.echo(f"report: {out / 'stability.html'}")
     if len(result.failed):
         fail([

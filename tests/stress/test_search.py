@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
+import json
 import os
 import time
 from pathlib import Path
@@ -193,6 +194,16 @@ def test_a_crash_and_a_hang_cost_one_trial_each() -> None:
 def test_trials_do_not_depend_on_the_number_of_workers() -> None:
     one, two = ({i: f.checks for i, f in workers.search("chunked", trials=6, jobs=jobs)} for jobs in (1, 2))
     assert one == two and sum(one[0].values()) > 0
+
+
+def test_a_search_by_seconds_plays_and_sums_up(tmp_path: Path) -> None:
+    found = stability.run(tmp_path, methods=["full"], scenes=["s20"], seconds=0.5, seed=5, progress=False)
+    count = int(found.searches["full"].split(" trials")[0])
+    assert count >= 1 and "checks: " in found.searches["full"]
+    record = json.loads((tmp_path / "search-full.json").read_text())
+    assert record["trials"] == sum(record["kinds"].values()) == count and record["seed"] == 5
+    rows = found.table[found.table["scene"] == "s20"]
+    assert set(rows["method"]) == {"full"} and rows["figure"].str.startswith("crash, of ").any()
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])

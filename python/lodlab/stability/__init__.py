@@ -51,6 +51,13 @@ class Stability:
         return self.table[self.table["verdict"] == FAIL]
 
     @property
+    def searches(self) -> dict[str, str]:
+        """By method: what the random search (s20) played and found, in a sentence; empty where it was not run."""
+        methods = self.table["method"][self.table["scene"] == "s20"].unique()
+        files = {name: self.directory / f"search-{name}.json" for name in methods}
+        return {name: json.loads(file.read_text())["summary"] for name, file in files.items() if file.exists()}
+
+    @property
     def page(self) -> Path:
         """The page with the grid of methods and scenes."""
         return self.directory / "stability.html"
@@ -109,7 +116,7 @@ def run(
             gc.collect()
             benches[part.source] = Bench(part.source, folder / "stores")
         each = None if seconds is None else seconds / len(names)
-        stage = Stage(benches[part.source], part.method, part.options, short, seed, each)
+        stage = Stage(benches[part.source], part.method, part.options, short, seed, each, progress)
         for figure, row in _play(part, stage, natures):
             rows.append(row)
             _keep_picture(folder / "images", figure, row, worst)

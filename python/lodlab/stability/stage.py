@@ -114,8 +114,9 @@ class Stage:
         short: bool,
         seed: int = 0,
         seconds: float | None = None,
+        progress: bool = False,
     ):
-        self.seed, self.seconds = seed, seconds  # of the random search; None: a number of trials
+        self.seed, self.seconds, self.progress = seed, seconds, progress  # of the random search (None: some trials)
         self.bench = bench
         self.method = method
         self.table = method_table(method)

@@ -127,7 +127,7 @@ def make_source(source: Mapping[str, Any]) -> HeightField:
         heights = 500.0 * random.normal(size=(rows, cols))
     else:
         heights = fields.SHAPES[source["shape"]](rows, cols)
-    heights = _with_voids(source["base"] + source["height"] * heights, source["voids"], random)
+    heights = _with_voids(source["base"] + source["height"] * heights, source["voids"], random).astype(np.float32)
     if "degrees" not in source:
         return HeightField(heights, spacing=tuple(source["spacing"]), origin=tuple(source["origin"]))
     degrees = source["degrees"]

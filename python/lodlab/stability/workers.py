@@ -29,19 +29,21 @@ from .trials import Ground, draw_trial
 SHORT_TRIALS, LONG_TRIALS = 90, 3000  # a method, where no time is named
 PATIENCE = 120.0  # seconds for one trial; beyond: a hang
 CRASH = "crash"
+MOST_FINDS = 100  # of a law: what is kept of each is its line
 
 
 @dataclass
 class Sum:
-    """What all trials of a method found. `kinds`: trials by kind; `broken`: by law, (trial's line, sentence);
-    `refused`: by reason, without its numbers."""
+    """What all trials of a method found. `kinds`: trials by kind; `broken`: failed checks by law; `finds`: by law,
+    (trial's line, sentence) of the first; `refused`: by reason, without its numbers."""
 
     trials: int = 0
     checks: Counter[str] = field(default_factory=Counter)
     kinds: Counter[str] = field(default_factory=Counter)
     by_nature: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
-    broken: dict[str, list[tuple[str, str]]] = field(default_factory=lambda: defaultdict(list))
+    broken: Counter[str] = field(default_factory=Counter)
+    finds: dict[str, list[tuple[str, str]]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, method: str, seed: int, index: int, found: Found) -> None:
         trial = draw_trial(method, seed, index)
@@ -51,7 +53,17 @@ class Sum:
         self.by_nature += found.by_nature
         self.refused.update("".join("#" if c.isdigit() else c for c in r)[:100] for r in found.refused)
         for law, sentence in found.broken:
-            self.broken[law].append((trial.name, sentence))
+            self.broken[law] += 1
+            if len(self.finds[law]) < MOST_FINDS:
+                self.finds[law].append((trial.name, sentence))
+
+    def __str__(self) -> str:
+        kinds = ", ".join(f"{count:,} {kind}" for kind, count in sorted(self.kinds.items()))
+        laws = ", ".join(f"{law} {self.checks[law]:,}" for law in LAWS if self.checks[law])
+        return (
+            f"{self.trials:,} trials ({kinds}); checks: {laws}; {sum(self.broken.values()):,} broken, "
+            f"{sum(self.by_nature.values()):,} by nature, {sum(self.refused.values()):,} refused"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -105,8 +117,9 @@ def search(
     patience: float = PATIENCE,
 ) -> Iterator[tuple[int, Found]]:
     """Plays trials 0, 1, 2, ... of a method in `jobs` processes (default: one for each core) until their number or
-    the seconds are reached; (number, what it found) as they end. A crash or a hang is a broken law `crash`."""
-    end = None if seconds is None else time.monotonic() + seconds
+    the seconds (from when the first is ready) are reached; (number, what it found) as they end. A crash or a hang is a
+    broken law `crash`."""
+    end = None  # counted from when the first worker is ready
     waiting = iter(range(trials if trials is not None else 10**12))
     jobs = jobs or len(os.sched_getaffinity(0))
     workers = [_Worker(method, seed, act) for _ in range(min(jobs, trials or jobs))]
@@ -128,6 +141,8 @@ def search(
                     worker = _Worker(method, seed, act)
                     workers.append(worker)
                     continue
+                if end is None and seconds is not None:
+                    end = time.monotonic() + seconds
                 over = end is not None and time.monotonic() >= end
                 index = None if over else next(waiting, None)
                 worker.begin(index)
@@ -167,23 +182,32 @@ def random_search(stage: Stage) -> Iterator[Figure]:
     a frame is. Figures: checks that failed, a figure for each law, named after the first trial that breaks it, limit
     0; crashes and hangs, limit 0. `search-METHOD.json` has the counts and every find.
     """
+    from tqdm.auto import tqdm
+
     total = Sum()
     trials = None if stage.seconds else SHORT_TRIALS if stage.short else LONG_TRIALS
-    for index, found in search(stage.method, seed=stage.seed, trials=trials, seconds=stage.seconds):
-        total.add(stage.method, stage.seed, index, found)
-    record = {"method": stage.method, "seed": stage.seed, **total.to_dict()}
+    found_by = search(stage.method, seed=stage.seed, trials=trials, seconds=stage.seconds)
+    with tqdm(
+        found_by, stage.method, trials, leave=False, disable=None if stage.progress else True, unit="trial"
+    ) as bar:
+        for index, found in bar:
+            total.add(stage.method, stage.seed, index, found)
+            bar.set_postfix(broken=sum(total.broken.values()))
+    if not total.trials:
+        raise RuntimeError("search: no trial was played: nothing tried proves nothing")
+    record = {"method": stage.method, "seed": stage.seed, "summary": str(total), **total.to_dict()}
     stage.bench.folder.parent.joinpath(f"search-{stage.method}.json").write_text(json.dumps(record, indent=1) + "\n")
     picture = _picture(stage, total)
     for law in (*LAWS, CRASH):
         if total.checks[law] or total.broken[law] or law == CRASH:
-            first = f": {total.broken[law][0][0]}" if total.broken[law] else ""
+            first = f": {total.finds[law][0][0]}" if total.broken[law] else ""
             of = f"of {total.checks[law]} checks" if law != CRASH else f"of {total.trials} trials"
-            yield Figure(f"{law}, {of}{first}", len(total.broken[law]), "checks", 0, picture)
+            yield Figure(f"{law}, {of}{first}", total.broken[law], "checks", 0, picture)
 
 
 def _picture(stage: Stage, total: Sum) -> Any:
     """The first frame of the first trial that can be drawn; of those that broke a law where there are any."""
-    names = [finds[0][0] for law, finds in total.broken.items() if finds and law != CRASH]
+    names = [finds[0][0] for law, finds in total.finds.items() if law != CRASH]
     indices = [int(name.split()[-1]) for name in names] + list(range(20))
     for index in indices:
         trial = draw_trial(stage.method, stage.seed, index)
