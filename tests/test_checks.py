@@ -144,14 +144,27 @@ def test_pops_are_undefined_in_the_first_frame_alone(run):
     assert [v.frame for v in check(run, max={"pop_px_max": 1e9})] == [2]
 
 
+@pytest.mark.parametrize(
+    ("wrong", "meant"),
+    [("frame_sm", "frame_ms"), ("mesured_px_max", "measured_px_max"), ("measured_px", "measured_px_max"),
+     ("PSNR", "psnr_db"), ("cracks", "crack_edges"), ("triangle_median", "triangles_median"), ("worst", "_worst")],
+)  # fmt: skip
+def test_a_wrong_column_gets_close_ones_and_not_all(run, wrong, meant):
+    with pytest.raises(InvalidInput, match=f"no column '{wrong}' to limit; close to it: .*{meant}") as refused:
+        check(run, max={wrong: 1})
+    assert len(str(refused.value)) < 300
+    with pytest.raises(InvalidInput, match="no column 'zzz' to limit; there are .*frame_ms.*measured_px_max.*store_b"):
+        check(run, max={"zzz": 1})
+
+
 def test_what_is_no_question(run, tmp_path):
     with pytest.raises(InvalidInput, match="no limits"):
         check(run)
     for bad in (math.nan, "low", None):
         with pytest.raises(InvalidInput, match="the max of frame_ms is .*, no number"):
             check(run, max={"frame_ms": bad})
-    for unknown in ("frame_sm", "run", "frame", "accuracy", "gpu_clock"):
-        with pytest.raises(InvalidInput, match=f"no column '{unknown}' to limit; there are .*measured_px_max"):
+    for unknown in ("run", "frame", "accuracy", "gpu_clock"):
+        with pytest.raises(InvalidInput, match=f"no column '{unknown}' to limit; (there are|close to it)"):
             check(run, min={unknown: 1})
     with pytest.raises(InvalidInput, match="no directory"):
         check(tmp_path / "nowhere", max={"frame_ms": 1})

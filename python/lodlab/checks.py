@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from . import results
+from .columns import close_to
 from .configs import freeze, plan
 from .errors import InvalidInput
 
@@ -57,7 +58,7 @@ def check(
     `max`, `min`: column -> limit, of `frames.csv` or `summary.csv`; flags count as 0 and 1, an infinite
     `psnr_db` passes every `min`. Frames that were not measured count for no accuracy column, a run's first
     frame for no `pop_` column. InvalidInput: no run directory, no finished run, no limits, a limit that is no
-    number, an unknown column (listing the known ones).
+    number, an unknown column (naming those that are close to it, or all).
     """
     folder = Path(run_directory)
     if not folder.is_dir():
@@ -99,7 +100,9 @@ def _limits(
         if math.isnan(limit):
             raise InvalidInput(f"check: the {bound} of {column} is {value!r}, no number")
         if column not in known:
-            raise InvalidInput(f"check: no column {column!r} to limit; there are {', '.join(known)}")
+            close = close_to(column, known)
+            cure = f"close to it: {', '.join(close)}" if close else f"there are {', '.join(known)}"
+            raise InvalidInput(f"check: no column {column!r} to limit; {cure} (lodlab check --help says what they are)")
         yield column, bound, limit
 
 

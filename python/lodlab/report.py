@@ -23,6 +23,7 @@ import numpy as np
 
 from . import charts, pictures
 from .charts import BASELINE
+from .columns import tooltip
 from .errors import InvalidInput
 from .figures import number, percent
 from .laws import judge
@@ -57,7 +58,7 @@ COLUMNS = (
 def summary_table(summary: Any) -> str:
     """The runs as an HTML table; columns that these results do not have are left out."""
     columns = [c for c in COLUMNS if c[0] in summary]
-    head = "".join(f"<th>{title}</th>" for _, title, _ in columns)
+    head = "".join(f'<th title="{html.escape(tooltip(column))}">{title}</th>' for column, title, _ in columns)
     body = []
     for _, row in summary.iterrows():
         cells = "".join(f"<td>{_cell(row, column, kind)}</td>" for column, _, kind in columns)

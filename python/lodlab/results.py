@@ -36,41 +36,16 @@ from typing import Any
 import numpy as np
 
 from . import statistics
+from .columns import COSTS, EXTRAS, FLAG, KEYS, NOISE, TEXT
 from .errors import InvalidInput, StoreError
 from .metrics import METRICS
 
-KEY_COLUMNS = (
-    "run",
-    "source",
-    "method",
-    "options",
-    "budget_pixel_error",
-    "budget_triangles",
-    "budget_nodes",
-    "path",
-    "frame",
-    "budget_met",
-    "promises_bound",
-    "stream",
-    "device",
-)
-COST_COLUMNS = (
-    "select_ms",
-    "gpu_ms",
-    "frame_ms",
-    "triangles",
-    "vertices",
-    "nodes",
-    "draw_calls",
-    "upload_bytes",
-    "resident_bytes",
-    "page_misses",
-    "adapt_steps",
-)
+KEY_COLUMNS = tuple(column.name for column in KEYS)
+COST_COLUMNS = tuple(column.name for column in COSTS)
 TIME_COLUMNS = ("select_ms", "gpu_ms", "frame_ms")
 ACCURACY_COLUMNS = tuple(metric.name for metric in METRICS)
 SMALLER_IS_WORSE = tuple(metric.name for metric in METRICS if metric.smaller_is_worse)
-EXTRA_COLUMNS = ("accuracy", "gpu_clock", "filler_triangles")
+EXTRA_COLUMNS = tuple(column.name for column in EXTRAS)
 FRAME_COLUMNS = KEY_COLUMNS + COST_COLUMNS + ACCURACY_COLUMNS + EXTRA_COLUMNS
 SUMMARY_COLUMNS = (
     tuple(c for c in KEY_COLUMNS if c != "frame")
@@ -79,9 +54,10 @@ SUMMARY_COLUMNS = (
     + ("store_bytes", "build_seconds", "gpu_clock", "frames", "accuracy_frames")
     + tuple(f"{c}_median_{s}" for c in TIME_COLUMNS for s in ("low", "high"))
 )
-NOISE_COLUMNS = ("run", "column", "ratio", "low", "high", "passes", "jobs")
-TEXT_COLUMNS = ("run", "source", "method", "options", "path", "device", "gpu_clock", "column")
-_FLAG_COLUMNS = ("budget_met", "promises_bound", "stream", "accuracy")
+NOISE_COLUMNS = tuple(column.name for column in NOISE)
+_TABLES = (*KEYS, *EXTRAS, *NOISE)
+TEXT_COLUMNS = tuple(dict.fromkeys(column.name for column in _TABLES if column.unit == TEXT))
+_FLAG_COLUMNS = tuple(column.name for column in _TABLES if column.unit == FLAG)
 
 
 # ---- values and rows ------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ does not hold. Part of the command line (`cli`), in a file of their own for its 
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ import typer
 
 import lodlab
 
+from . import columns
 from .arguments import (
     Force,
     Fov,
@@ -38,7 +40,11 @@ def add_to(app: typer.Typer) -> None:
         stability
     )
     app.command("fit", epilog="Example: lodlab fit jacksboro chunked s.lod --path flyover --pixel-error 1")(fit)
-    app.command("check", epilog="Example: lodlab check runs/demo --max measured_px_max=8 --max hole_samples=0")(check)
+    app.command(
+        "check",
+        help=f"{inspect.cleandoc(check.__doc__)}\n\n\b\n{columns.listing()}",
+        epilog="Example: lodlab check runs/demo --max measured_px_max=8 --max hole_samples=0",
+    )(check)
 
 
 def fail(lines: Sequence[str], most: int = 20) -> None:
@@ -177,7 +183,7 @@ def check(
     """Figures of a run against limits: the gate for your own CI.
 
     Columns of frames.csv hold in every frame (accuracy columns: in every measured one), columns of summary.csv in
-    every run. Status 1 naming run, frame and value when a figure is outside, missing or nan.
+    every run; flags count as 0 and 1. Status 1 naming run, frame and value when a figure is outside, missing or nan.
     """
     high, low = limits_from("max", max_), limits_from("min", min_)
     violations = lodlab.check(run, max=high, min=low)
