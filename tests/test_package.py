@@ -25,7 +25,7 @@ def stub_files() -> list[Path]:
 
 
 def test_start_up_loads_no_package_before_it_is_used():
-    heavy = ("pandas", "matplotlib", "scipy", "skimage", "rasterio", "flip_evaluator")
+    heavy = ("pandas", "matplotlib", "scipy", "rasterio", "PIL", "trimesh")
     code = f"import sys, lodlab.cli; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -12,7 +12,9 @@
 #include "geometry/coverage.h"
 #include "gl/context.h"
 #include "instrument/measurement.h"
+#include "instrument/picture_difference.h"
 #include "instrument/slack.h"
+#include "instrument/ssim.h"
 
 namespace py = pybind11;
 
@@ -171,6 +173,7 @@ void bind_reference(py::module_& m) {
       .def_property_readonly(
           "depth", &depth,
           "(H, W) float32, distance along the view axis in source units, inf where empty, read-only.")
+      .def_property_readonly("nbytes", &Reference::bytes, "Bytes that it takes once it was compared with.")
       .def("__repr__", [](const Reference& r) {
         return "Reference(" + std::to_string(r.shade.width) + " x " + std::to_string(r.shade.height) +
                " pixels)";
@@ -228,6 +231,8 @@ void bind_measurement(py::module_& m) {
   column("capture_mismatch_pixels", &Measurement::capture_mismatch_pixels,
          "Pixels whose depth differs from that of the capture drawn again.");
   column("psnr_db", &Measurement::psnr_db, "Against the reference, decibels.");
+  column("ssim", &Measurement::ssim, "Structural similarity to the reference, 1 when equal.");
+  column("flip", &Measurement::flip, "Mean FLIP error against the reference, 0 when equal.");
   column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
   column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
   column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
@@ -255,12 +260,50 @@ void bind_measurement(py::module_& m) {
           "they cover; (N,) uint32 and (N,) float64, source units.");
 }
 
+using Colours = py::array_t<uint8_t, py::array::c_style>;
+
+render::Picture picture_from(const char* operation, const Colours& colours) {
+  if (colours.ndim() != 3 || colours.shape(2) != 4 || colours.size() == 0)
+    throw InvalidInput(std::string(operation) + ": a picture is (H, W, 4) uint8, and not empty");
+  render::Picture out;
+  out.height = static_cast<int>(colours.shape(0));
+  out.width = static_cast<int>(colours.shape(1));
+  out.rgba.assign(colours.data(), colours.data() + colours.size());
+  return out;
+}
+
+/// A comparison of two arrays, computed without the GIL.
+template <class Compare>
+auto comparison(const char* operation, const Compare& compare) {
+  return [operation, compare](const Colours& image, const Colours& reference) {
+    const render::Picture a = picture_from(operation, image), b = picture_from(operation, reference);
+    const py::gil_scoped_release release;
+    return compare(a, b);
+  };
+}
+
+void bind_comparisons(py::module_& m) {
+  m.def("ssim", comparison("ssim", &instrument::ssim), py::arg("image"), py::arg("reference"),
+        "Structural similarity (Wang et al. 2004) of two (H, W, 4) uint8 pictures: the mean over red, green "
+        "and "
+        "blue, 1 when equal; nan below 11 pixels a side. InvalidInput when the sizes differ.");
+  const auto flip = [](const render::Picture& a, const render::Picture& b) {
+    instrument::check_same_size("flip", a, b);
+    return instrument::flip(instrument::seen(a), instrument::seen(b));
+  };
+  m.def("flip", comparison("flip", flip), py::arg("image"), py::arg("reference"),
+        "Mean FLIP error (Andersson et al. 2020, LDR, 67 pixels a degree) of two (H, W, 4) uint8 pictures: 0 "
+        "when "
+        "equal, at most 1. InvalidInput when the sizes differ.");
+}
+
 }  // namespace
 
 void bind_instrument(py::module_& m) {
   const auto view = py::arg("view");
   bind_reference(m);
   bind_measurement(m);
+  bind_comparisons(m);
   m.attr("SLACK_STEPS") = instrument::kSlackSteps;
   m.attr("SLACK_PIXELS") = instrument::kSlackPixels;
   m.def("world_slack", &instrument::world_slack, py::arg("distance"),

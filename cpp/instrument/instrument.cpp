@@ -48,6 +48,16 @@ void Instrument::for_parts(const std::function<void(const HeightField&, const Sa
   }
 }
 
+const Seen& Reference::seen() const {
+  std::call_once(once_, [&] { seen_ = instrument::seen(shade); });
+  return seen_;
+}
+
+int64_t Reference::bytes() const {
+  const size_t floats = shade.depth.size() + 5 * shade.rgba.size() / 4;
+  return static_cast<int64_t>(shade.rgba.size() + classes.rgba.size() + floats * sizeof(float));
+}
+
 std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
                                                        const render::DrawCall& draw_full) const {
   if (grid_.size() > kMostPictureSamples) return nullptr;

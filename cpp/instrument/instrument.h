@@ -6,9 +6,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 
 #include "geometry/height_rows.h"
 #include "geometry/view.h"
+#include "instrument/flip.h"
 #include "instrument/sample_grid.h"
 #include "instrument/screen.h"
 #include "render/frame.h"
@@ -23,6 +25,15 @@ struct Reference {
   Camera camera;
   render::Picture shade;    ///< with depth
   render::Picture classes;  ///< Show::kClass, wider by a margin: see crack_pixels.h
+
+  /// What FLIP sees of `shade`; made by the first cut that is compared, for all others too.
+  const Seen& seen() const;
+  /// Bytes that all of it takes.
+  int64_t bytes() const;
+
+ private:
+  mutable std::once_flag once_;
+  mutable Seen seen_;
 };
 
 class Instrument {

@@ -8,6 +8,7 @@
 #include "instrument/crack_edges.h"
 #include "instrument/fillers.h"
 #include "instrument/picture_difference.h"
+#include "instrument/ssim.h"
 
 namespace lodlab::instrument {
 namespace {
@@ -189,6 +190,16 @@ std::vector<float> Measurement::error_px() {
 double Measurement::psnr_db() {
   if (subject_.reference == nullptr) return kUndefined;
   return lodlab::instrument::psnr_db(drawn(), subject_.reference->shade);
+}
+
+double Measurement::ssim() {
+  if (subject_.reference == nullptr) return kUndefined;
+  return lodlab::instrument::ssim(drawn(), subject_.reference->shade);
+}
+
+double Measurement::flip() {
+  if (subject_.reference == nullptr) return kUndefined;
+  return lodlab::instrument::flip(seen(drawn()), subject_.reference->seen());
 }
 
 double Measurement::drawn_triangles() {

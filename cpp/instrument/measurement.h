@@ -58,6 +58,8 @@ class Measurement {
   double crack_mask_share() { return cracks().mask_share; }
   double capture_mismatch_pixels();
   double psnr_db();
+  double ssim();
+  double flip();
   double pop_px_max();
   double pop_area();
   int64_t inverted_triangles() { return orientation().inverted; }

@@ -17,8 +17,7 @@ from .errors import GLError
 from .results import commit, machine, version
 from .sources import data_folder
 
-PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "scikit-image", "scipy", "flip-evaluator", "tqdm",
-            "trimesh", "typer")  # fmt: skip
+PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "scipy", "tqdm", "trimesh", "typer")
 
 
 @dataclass(frozen=True)

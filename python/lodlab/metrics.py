@@ -2,20 +2,15 @@
 """The accuracy columns: one table, a row a metric. A new metric is one function of a measurement and one row.
 
 A measurement (`_core.Measurement`) is one drawn cut under one view; what the core measures are properties of
-it, named as the columns, and picture metrics of Python's libraries are functions here. nan: undefined, by the
-rule that the row tells; inf: a hole, or, for `psnr_db`, equal pictures.
+it, named as the columns. nan: undefined, by the rule that the row tells; inf: a hole, or, for `psnr_db`, equal
+pictures.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-
-from .errors import InvalidInput
 
 Figure = Callable[[Any], float]
 
@@ -29,57 +24,6 @@ class Metric:
     text: str
     of: Figure
     smaller_is_worse: bool = False
-
-
-# ---- pictures -------------------------------------------------------------------------------------
-
-
-def ssim_of(image: np.ndarray, reference: np.ndarray) -> float:
-    """Structural similarity of two (H, W, 4) uint8 pictures: the mean over red, green and blue, 1 when they are equal.
-
-    Windows and constants of Wang et al. 2004 (Gaussian, sigma 1.5; K1 0.01, K2 0.03). nan for pictures with less
-    than 11 pixels a side, its window. InvalidInput when the sizes differ.
-    """
-    from skimage.metrics import structural_similarity
-
-    _check_sizes("ssim", image, reference)
-    if min(image.shape[:2]) < 11:
-        return math.nan
-    return float(
-        structural_similarity(
-            image[..., :3], reference[..., :3], channel_axis=2, data_range=255, gaussian_weights=True, sigma=1.5,
-            use_sample_covariance=False,
-        )
-    )  # fmt: skip
-
-
-def flip_of(image: np.ndarray, reference: np.ndarray) -> float:
-    """Mean FLIP error (Andersson et al. 2020, LDR, 67 pixels a degree) of two (H, W, 4) uint8 pictures.
-
-    0 when they are equal, at most 1. InvalidInput when the sizes differ. The mean is taken here, in double: the
-    library's own sums floats, and is 1.5 % off on a picture of 1920 x 1080.
-    """
-    import flip_evaluator
-
-    _check_sizes("flip", image, reference)
-    wanted, found = (p[..., :3].astype(np.float32) / np.float32(255) for p in (reference, image))
-    errors, _, _ = flip_evaluator.evaluate(wanted, found, "LDR", True, False, True)
-    return float(errors.mean(dtype=np.float64))
-
-
-def _check_sizes(metric: str, image: np.ndarray, reference: np.ndarray) -> None:
-    if image.shape != reference.shape:
-        raise InvalidInput(f"{metric}: pictures of {image.shape} and {reference.shape} do not compare")
-
-
-def _against_reference(compare: Callable[[np.ndarray, np.ndarray], float]) -> Figure:
-    """A figure of the drawn picture against the reference's; nan without one."""
-
-    def of(measurement: Any) -> float:
-        reference = measurement.reference
-        return math.nan if reference is None else compare(measurement.image, reference.image)
-
-    return of
 
 
 # ---- the table ------------------------------------------------------------------------------------
@@ -107,10 +51,8 @@ METRICS: tuple[Metric, ...] = (
     _core("crack_pixels", "px", "Pixels of clear colour or inside where the reference shows outside."),
     _core("capture_mismatch_pixels", "px", "Pixels where the capture, drawn again, is not what was drawn."),
     _core("crack_mask_share", "1", "Share of covered pixels looked at for cracks.", smaller_is_worse=True),
-    Metric(
-        "ssim", "1", f"Structural similarity {_COMPARES}.", _against_reference(ssim_of), smaller_is_worse=True
-    ),
-    Metric("flip", "1", f"Mean FLIP error {_COMPARES}.", _against_reference(flip_of)),
+    _core("ssim", "1", f"Structural similarity (Wang et al. 2004) {_COMPARES}; 1 when equal.", smaller_is_worse=True),
+    _core("flip", "1", f"Mean FLIP error (Andersson et al. 2020; 67 pixels a degree) {_COMPARES}; 0 when equal."),
     _core("pop_px_max", "px", "Largest jump from the frame before's cut, under this view; nan in a first frame."),
     _core("pop_area", "1", "Share of pixels that jump more than one pixel; nan in a first frame."),
     _core("inverted_triangles", "count", "Surface triangles that turn their inside to the outside."),

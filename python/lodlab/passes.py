@@ -162,10 +162,9 @@ class Yardstick:
             return None
         if view not in self._references:
             made = self.instrument().reference(view)
-            self._bytes += made.image.nbytes + made.depth.nbytes
+            self._bytes += made.nbytes
             while self._references and self._bytes > REFERENCE_BYTES:
-                old = self._references.pop(next(iter(self._references)))
-                self._bytes -= old.image.nbytes + old.depth.nbytes
+                self._bytes -= self._references.pop(next(iter(self._references))).nbytes
             self._references[view] = made
         return self._references[view]
 

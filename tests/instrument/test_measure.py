@@ -13,7 +13,6 @@ import pytest
 import lodlab as lod
 from lodlab import _core, errors
 from lodlab.instrument import measure
-from lodlab.metrics import flip_of, ssim_of
 
 SIZE = (240, 160)
 
@@ -228,15 +227,6 @@ def test_the_picture_of_errors_is_the_error(lab: Lab) -> None:
     assert np.nanmax(errors) <= measured.measured_px_max * 1.01
     # The same distances from the other side: over the reference's pixels instead of the drawn ones.
     assert np.nanpercentile(errors, 99) == pytest.approx(measured.measured_px_p99, rel=0.05)
-
-
-def test_pictures_of_different_sizes_do_not_compare() -> None:
-    small, large = np.zeros((20, 30, 4), np.uint8), np.zeros((20, 31, 4), np.uint8)
-    for compare in (ssim_of, flip_of):
-        with pytest.raises(errors.InvalidInput, match=r"\(20, 30, 4\) and \(20, 31, 4\)"):
-            compare(small, large)
-    assert (ssim_of(small, small), flip_of(small, small)) == (1.0, 0.0)
-    assert math.isnan(ssim_of(small[:8], small[:8]))
 
 
 def test_without_reference_its_columns_are_nan(lab: Lab) -> None:
