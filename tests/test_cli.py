@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -163,19 +164,30 @@ def test_a_broken_bound_ends_with_status_1(say, store, monkeypatch):
     fails(say("info", store, "--audit"), 1, "node", "bound")
 
 
-def test_fit_finds_a_store(say, folder):
+def test_fit_finds_a_store(say, folder, monkeypatch):
+    monkeypatch.setattr(lod.report, "write", lambda run: None)  # seconds of charts
     out = folder / "fit.lod"
     common = ["--frames", "3", "--size", "160x90"]
-    status, text, _ = say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", *common)
+    status, text, _ = say("fit", "fractal:size=129", "chunked", out, "--pixel-error", "1", *common)
     assert status == 0
     assert "chosen: finest_error" in text and "coarser: " in text and "looser: " in text
-    fails(say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", *common), 2, "already")
-    found = json.loads(
-        say("fit", "fractal:size=257", "chunked", out, "--pixel-error", "1", "--force", "--json", *common)[1]
-    )
+    fly, check = (shlex.split(line)[1:] for line in text.splitlines() if line.startswith("lodlab "))
+    assert str(folder / "fit.run") in fly and check[:2] == ["check", str(folder / "fit.run")]
+    fails(say("fit", "fractal:size=129", "chunked", out, "--pixel-error", "1", *common), 2, "already")
+    run = folder / "fit out"  # a name that the lines must quote
+    asked = ["--force", "--json", "--out", run, *common]
+    found = json.loads(say("fit", "fractal:size=129", "chunked", out, "--pixel-error", "1", *asked)[1])
+    table = (run / "frames.csv").read_bytes()
+    rows = lod.runs.load(run).frames
+    assert len(rows) == 3 and rows["accuracy"].all() and rows["measured_px_max"].max() <= found["worst_px"]
+    assert (~rows["budget_met"]).sum() == found["unmet_frames"]
+    fly, check = (shlex.split(line)[1:] for line in found["commands"])
+    assert say(*fly)[0] == 0 and (run / "frames.csv").read_bytes() == table, "the line is not what fit flew"
+    assert say(*check)[0] == 0
+    assert say("check", run, "--max", f"measured_px_max={rows['measured_px_max'].max() / 2}")[0] == 1
     assert found["reached"] and found["worst_px"] <= 1.0
     assert found["coarser"]["worst_px"] > 1.0 and found["looser"]["worst_px"] > 1.0
-    fails(say("fit", "fractal:size=257", "chunked", folder / "f.lod", "--pixel-error", "0"), 2, "pixel_error", "0")
+    fails(say("fit", "fractal:size=129", "chunked", folder / "f.lod", "--pixel-error", "0"), 2, "pixel_error", "0")
 
 
 def test_check_is_a_gate(say, store, folder):

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, fitting
+from lodlab import _core, fitting, verdicts
 from lodlab.errors import InvalidInput, Unsupported
 
 SOURCE = "fractal:size=129,seed=3"
@@ -91,6 +93,53 @@ def test_what_it_says(field, found):
     assert record["pixel_error"] == LIMIT and record["reached"] is True
     assert "reached: finest_error" in repr(found) and f"{found.bytes} bytes" in repr(found)
     assert [f.name for f in store.path.parent.iterdir()] == ["s.lod"]
+
+
+def test_it_says_in_which_frames_its_budget_goes_unmet_and_why(field, found, capsys):
+    """There the finest that the store has is drawn, and its bounds are above the budget, though what is measured
+    is within the limit."""
+    session = lod.open(found.store.path).core.session({"stream": False})
+    views = list(lod.CameraPath.flyover(field, frames=FRAMES).views(SIZE))
+    cuts = [session.select(view, lod.Budget(**found.budget)) for view in views]
+    unmet = [k for k, cut in enumerate(cuts) if not cut.budget_met]
+    assert 0 < len(unmet) == found.unmet_frames < FRAMES
+    assert found.predicted_px == max(cut.predicted_px for cut in cuts) > LIMIT
+    for k in unmet:
+        finest = session.select(views[k], lod.Budget(pixel_error=1e-9))
+        assert cuts[k].predicted_px == finest.predicted_px
+    verdicts.print_fit(found)
+    assert f"budget met: no in {len(unmet)} of {FRAMES} frames: there the finest" in capsys.readouterr().out
+    verdicts.print_fit(replace(found, unmet_frames=0, unseen_frames=2))
+    out = capsys.readouterr().out
+    assert "budget met" not in out and "2 frames see nothing of the source" in out
+
+
+def test_its_lines_can_be_typed(found):
+    many = replace(found, budget={"triangles": 1_234_567}, fly_options={"stream": False, "projection": "vertical"})
+    fly, check = verdicts.fit_lines(many, Path("a b"), ["--path", "my keys.toml"])
+    assert "--out 'a b' --path 'my keys.toml' --triangles 1234567 --accuracy-frames 9" in fly
+    assert fly.endswith("-o stream=false -o projection=vertical")
+    assert check == "lodlab check 'a b' --max measured_px_max=0.5"
+
+
+def test_fly_gets_the_options_that_were_measured():
+    draw = _core.resolve_options("chunked", "draw", {"projection": "vertical"})
+    small = fitting._fly_options("chunked", draw, 1 << 20)
+    assert small["projection"] == "vertical" and "gpu_cache_mb" not in small
+    assert {**draw, **small}["stream"] is False
+    assert fitting._fly_options("chunked", draw, 1 << 30)["gpu_cache_mb"] > 1024  # all of it is loaded
+    assert fitting._fly_options("full", {}, 1 << 40) == {}
+
+
+def test_what_is_in_the_way_of_a_run_is_said_before_the_search(field, tmp_path, monkeypatch):
+    monkeypatch.setattr(fitting, "_Search", None)
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InvalidInput, match="fit: out is .*file, a file"):
+        fitted(field, tmp_path, out=tmp_path / "file")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "frames.csv").write_text("run\r\n")
+    with pytest.raises(InvalidInput, match="holds runs already"):
+        fitted(field, tmp_path, out=tmp_path / "run")
 
 
 def test_a_frame_between_the_frames_is_found(field, tmp_path):

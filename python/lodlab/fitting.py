@@ -2,6 +2,9 @@
 """The least model that a path needs: the smallest store and the cheapest budget whose measured error stays within
 a limit on every frame.
 
+Measured, not promised: the store that is chosen is coarser than its bounds alone would allow, so that its budget may
+go unmet where the path comes near, though the error is within the limit there. `Fit` counts those frames.
+
 Two ladders: `finest_error` in steps of sqrt 2 from the source's relief down to lossless, and the budget in steps
 of 10 %. A rung that holds is taken to hold finer and tighter as well, so that bisection finds the first one; what
 it ends on, and both its neighbours, are measured. Bytes count first: the coarsest rung that holds under any budget,
@@ -16,7 +19,7 @@ import math
 import os
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,7 @@ from .errors import InvalidInput
 from .heightfield import HeightField
 from .passes import check_budget, make_path, still, store_for
 from .paths import CameraPath
+from .runs import Run, fly
 from .sources import as_source
 from .stores import Store, method_table, open, options_of
 from .sweeps import check_accepts
@@ -36,6 +40,7 @@ STEP = 1.1  # between budgets
 TIGHTEST = -24  # steps from the limit: a tenth of it; tighter only for methods that promise no bound
 LOOSEST_PX = 1e6  # above it nothing is refined
 FEWEST_TRIANGLES = 10
+UNPACKED = 8  # bytes on the GPU for one of a store, at most
 SMALLEST_SHARE = 2.0**-16  # of the relief: what 16 bits can tell apart
 
 
@@ -62,21 +67,26 @@ class Fit:
     bytes: int
     median_triangles: float  # over the path's frames
     worst_px: float  # measured, over the dense sampling
+    predicted_px: float  # the method's claim, over the path's frames
+    unmet_frames: int  # of the path's, in which the claim is above the budget: `budget_met` is false there
+    unseen_frames: int  # of the path's, that see nothing of the source
+    fly_options: dict[str, Any]  # draw options with which `fly` draws the cuts that were measured
     coarser: Neighbour | None
     looser: Neighbour | None
     path: str
     frames: int
     verified_frames: int
     candidates: int  # stores and budgets that were tried
+    run: Run | None = None  # the answer, flown and measured in every frame, where a run directory was asked for
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, for JSON; `store` is the file's name."""
-        rest = {name: value for name, value in vars(self).items() if name != "store"}
+        """Everything as plain values, for JSON; `store` is the file's name, and the run stays out."""
+        rest = {name: value for name, value in vars(self).items() if name not in ("store", "run")}
         rest |= {name: asdict(value) for name in ("coarser", "looser") if (value := rest[name]) is not None}
         return {"store": os.fspath(self.store.path), "method": self.store.method, **rest}
 
     def __repr__(self) -> str:
-        chosen = _text(self.finest_error, self.budget) or "no options"
+        chosen = candidate_text(self.finest_error, self.budget) or "no options"
         return (
             f"<lodlab.Fit {'reached' if self.reached else 'NOT reached'}: {chosen}; {self.bytes} bytes, "
             f"median {self.median_triangles:.0f} triangles, worst {self.worst_px:.3g} px of {self.pixel_error:g}>"
@@ -93,6 +103,7 @@ def fit(
     frames: int = 120,
     size: tuple[int, int] = (1280, 720),
     fov: float | None = None,
+    out: str | os.PathLike[str] | None = None,
     force: bool = False,
     progress: bool = True,
     **options: Any,
@@ -100,22 +111,32 @@ def fit(
     """Searches the smallest store of a source, then the cheapest budget, whose measured error stays within
     `pixel_error` (pixels) on every frame of the path, and writes that store to `store_path`.
 
-    `path`, `frames`, `size`, `fov`: as `fly`. `force`: replace an existing file. `options`: the method's other
-    options, build and draw. Where nothing reaches it, `reached` is False and the best store is written. Measured
-    with everything loaded: data still on its way is drawn coarser.
+    `path`, `frames`, `size`, `fov`: as `fly`. `out`: a run directory in which the answer is then flown and measured in
+    every frame (`Fit.run`). `force`: replace an existing file. `options`: the method's other options, build and draw.
+    Where nothing reaches it, `reached` is False and the best store is written. Measured with everything loaded: data
+    still on its way is drawn coarser.
 
     InvalidInput: a limit that is no positive number, an unknown method or option, `finest_error` or `stream` among
-    the options, a file in the way, a path that never sees the source. Unsupported: the method does not accept it.
+    the options, a file or finished runs in the way, a path that never sees the source. Unsupported: the method does
+    not accept it.
     """
     limit = _limit(pixel_error)
     build_options, draw_options = _split(method, options)
     target = _target(store_path, force)
+    _check_out(out, force)
     field = as_source(source)
     check_accepts(field, method)
     track = make_path(path, field, frames, fov)
     search = _Search(field, method, build_options, draw_options, limit, track, size, fov, progress)
     with search.bar:
-        return search.run(target)
+        found = search.run(target)
+    if out is None:
+        return found
+    run = fly(
+        found.store, path, found.budget, size=size, frames=frames, fov=fov, accuracy_frames=found.frames, out=out,
+        progress=progress, **found.fly_options,
+    )  # fmt: skip
+    return replace(found, run=run)
 
 
 def _limit(pixel_error: Any) -> float:
@@ -141,6 +162,15 @@ def _split(method: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     return chosen, _core.resolve_options(method, "draw", drawn)
 
 
+def _fly_options(method: str, given: Mapping[str, Any], store_bytes: int) -> dict[str, Any]:
+    """The draw options that `fly` needs beside the defaults, so that it draws what was measured."""
+    wanted = {**given, "stream": False} if "stream" in given else dict(given)
+    if store_bytes * UNPACKED > given.get("gpu_cache_mb", math.inf) * 2**20:
+        wanted = still(method, wanted)
+    return {o["name"]: wanted[o["name"]] for o in method_table(method)["options"]
+            if o["name"] in wanted and wanted[o["name"]] != o["default"]}  # fmt: skip
+
+
 def _target(store_path: str | os.PathLike[str], force: bool) -> Path:
     """Where the store goes, checked before the long search."""
     target = Path(store_path)
@@ -149,6 +179,19 @@ def _target(store_path: str | os.PathLike[str], force: bool) -> Path:
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise InvalidInput(f"fit: {target.parent} is no folder that can be written to")
     return target
+
+
+def _check_out(out: str | os.PathLike[str] | None, force: bool) -> None:
+    """Refuses before the long search a folder that would be refused, or mixed into, after it."""
+    if out is None:
+        return
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise InvalidInput(f"fit: out is {folder}, a file; it is a run directory")
+    if (folder / "frames.csv").exists() and not force:
+        raise InvalidInput(
+            f"fit: {folder} holds runs already; choose another folder, or force (--force) to add to them"
+        )
 
 
 def _rungs(field: HeightField, method: str) -> list[float | None]:
@@ -182,9 +225,15 @@ def _six(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _text(finest_error: float | None, budget: Mapping[str, Any]) -> str:
+def candidate_text(finest_error: float | None, budget: Mapping[str, Any]) -> str:
+    """A store and a budget for people, with all digits."""
     rung = {} if finest_error is None else {"finest_error": finest_error}
-    return ", ".join(f"{name} {value:g}" for name, value in {**rung, **budget}.items())
+    return ", ".join(f"{name} {number_text(value)}" for name, value in {**rung, **budget}.items())
+
+
+def number_text(value: float | int) -> str:
+    """A value of either ladder as it can be typed again."""
+    return str(value) if isinstance(value, int) else f"{value:g}"
 
 
 class _Search:
@@ -206,7 +255,8 @@ class _Search:
 
         self.instrument = _core.Instrument(field.core, None)
         self.field, self.method, self.limit, self.track = field, method, limit, track
-        self.build_options, self.draw_options = build_options, still(method, draw_options)
+        self.build_options, self.given = build_options, draw_options
+        self.draw_options = still(method, draw_options)
         self.rungs = _rungs(field, method)
         self.steps = _budgets(method, limit, field.shape[0] * field.shape[1])
         dense = track.dense(DENSER)
@@ -254,7 +304,7 @@ class _Search:
         """No frame is above the limit, of these and of those that refuted others. Ends at the first that is."""
         if any(px > self.limit for px in self.known.get((rung, step), {}).values()):
             return False
-        self.bar.set_description_str(f"fit {self.method}: {_text(self.rungs[rung], self.steps[step])}")
+        self.bar.set_description_str(f"fit {self.method}: {candidate_text(self.rungs[rung], self.steps[step])}")
         for frame in [*self.hot, *frames]:
             if self.pixels(rung, step, frame) > self.limit:
                 self.hot = [frame, *(f for f in self.hot if f != frame)]
@@ -291,7 +341,7 @@ class _Search:
         worst = [px for px in self.known[rung, step].values() if not math.isnan(px)]
         if not worst:
             raise InvalidInput(f"fit: no frame of path {self.track.name} sees the source")
-        triangles = [self.cut(rung, step, frame).triangles for frame in self.base]
+        cuts = [self.cut(rung, step, frame) for frame in self.base]
         _place(self.store(rung).path, target)
         store = open(target, self.field)
         return Fit(
@@ -301,8 +351,12 @@ class _Search:
             finest_error=self.rungs[rung],
             budget=self.steps[step],
             bytes=store.bytes,
-            median_triangles=float(np.median(triangles)),
+            median_triangles=float(np.median([cut.triangles for cut in cuts])),
             worst_px=max(worst),
+            predicted_px=max(cut.predicted_px for cut in cuts),
+            unmet_frames=sum(not cut.budget_met for cut in cuts),
+            unseen_frames=sum(math.isnan(self.pixels(rung, step, frame)) for frame in self.base),
+            fly_options=_fly_options(self.method, self.given, store.bytes),
             coarser=self.neighbour(rung - 1, step) if reached else None,
             looser=self.neighbour(rung, step - 1) if reached else None,
             path=self.track.name,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +15,7 @@ import typer
 
 import lodlab
 
-from . import columns
+from . import columns, results
 from .arguments import (
     Force,
     Fov,
@@ -31,6 +32,7 @@ from .arguments import (
     print_table,
     size_of,
 )
+from .fitting import candidate_text, number_text
 
 
 def add_to(app: typer.Typer) -> None:
@@ -130,6 +132,9 @@ def fit(
     size: Size = "1280x720",
     fov: Fov = None,
     option: OptionTexts = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="RUN", help="Fly and measure the answer into this run directory.")
+    ] = None,
     force: Force = False,
     json_: Json = False,
 ) -> None:
@@ -137,16 +142,21 @@ def fit(
 
     Store bytes first, then median triangles, over steps of finest_error (a factor of 1.41) and of the budget (10 %),
     such that the measured error stays within E on the path, sampled four times as densely. Status 1 with the best
-    that was reached when nothing does.
+    that was reached when nothing does. Ends with the two lines that fly the answer and check it.
     """
     found = lodlab.fit(
         source, method, store, pixel_error=pixel_error, path=path, frames=frames, size=size_of(size), fov=fov,
-        force=force, **options_from(option),
+        out=out, force=force, **options_from(option),
     )  # fmt: skip
+    flight = ["--path", path, "--frames", str(found.frames), "--size", size]
+    flight += [] if fov is None else ["--fov", results.cell(fov)]
+    lines = fit_lines(found, out or store.with_suffix(".run"), flight) if found.reached else []
     if json_:
-        print_json(found.to_dict())
+        print_json({**found.to_dict(), "commands": lines})
     else:
         print_fit(found)
+        for line in [*lines, *([] if out is None else [f"report: {out / 'report.html'}"])]:
+            typer.echo(line)
     if not found.reached:
         fail([f"fit: {pixel_error:g} px is out of reach; the best is {found.worst_px:.4g} px, written to {store}"])
 
@@ -154,21 +164,38 @@ def fit(
 def print_fit(found: Any) -> None:
     """What was chosen, and why nothing cheaper was."""
 
-    def step(finest_error: float | None, budget: dict[str, Any]) -> str:
-        parts = [] if finest_error is None else [f"finest_error {finest_error:g}"]
-        return ", ".join(parts + [f"{name} {value:g}" for name, value in budget.items()])
-
-    typer.echo(f"chosen: {step(found.finest_error, found.budget)}")
+    typer.echo(f"chosen: {candidate_text(found.finest_error, found.budget)}")
     typer.echo(
         f"  {found.bytes / 1e6:.3f} MB, median {found.median_triangles:,.0f} triangles, worst measured "
         f"{found.worst_px:.4g} px over {found.verified_frames} frames ({found.candidates} candidates tried)"
     )
+    if found.unmet_frames and "pixel_error" in found.budget:
+        typer.echo(
+            f"  budget met: no in {found.unmet_frames} of {found.frames} frames: there the finest is drawn, "
+            f"with bounds of up to {found.predicted_px:.4g} px; fit goes by what is measured"
+        )
+    if found.unseen_frames:
+        typer.echo(f"  {found.unseen_frames} frames see nothing of the source: undefined, which passes no check")
     for name, other in (("coarser", found.coarser), ("looser", found.looser)):
         if other is None:
             typer.echo(f"{name}: there is no such step")
         else:
-            what = step(other.finest_error, other.budget)
+            what = candidate_text(other.finest_error, other.budget)
             typer.echo(f"{name}: {what}: {other.worst_px:.4g} px at {other.t:.3f} of the path")
+
+
+def fit_lines(found: Any, out: Path, flight: Sequence[str]) -> list[str]:
+    """The commands that fly the answer, measuring every frame, and check it. `flight`: the arguments of its path."""
+    budget = [
+        word for name, value in found.budget.items() for word in (f"--{name.replace('_', '-')}", number_text(value))
+    ]
+    options = [word for name, value in found.fly_options.items() for word in ("-o", f"{name}={results.cell(value)}")]
+    measured = ["--accuracy-frames", str(found.frames)]
+    fly = ["lodlab", "fly", str(found.store.path), "--out", str(out), *flight, *budget, *measured, *options]
+    return [
+        shlex.join(fly),
+        shlex.join(["lodlab", "check", str(out), "--max", f"measured_px_max={results.cell(found.pixel_error)}"]),
+    ]
 
 
 def check(
