@@ -72,6 +72,17 @@ void check_grid(const FieldFrame& f) {
   }
 }
 
+/// Beside a pole columns come together: nearer than this, seen from the centre, methods cannot part them.
+constexpr double kLeastAngle = 0x1p-34;  // radians; 0.4 mm on the Earth
+
+void check_parted(const FieldFrame& f, int64_t row) {
+  const double angle = std::cos(f.latitude(row) * kRadiansPerDegree) * f.dlon * kRadiansPerDegree;
+  if (std::abs(f.latitude(row)) == 90.0 || angle >= kLeastAngle) return;
+  refuse("planet samples of row " + std::to_string(row) + " are " + number(angle * f.radius) +
+         " apart, and those of " + number(kLeastAngle * f.radius) +
+         " at least can be told from each other: beside a pole leave the row out, or take fewer columns");
+}
+
 void check_planet(const FieldFrame& f) {
   check_length("planet radius", f.radius);
   if (!(f.dlon > 0.0) || !(f.dlat > 0.0) || !std::isfinite(f.lon0) || !std::isfinite(f.dlon)) {
@@ -96,6 +107,7 @@ void check_planet(const FieldFrame& f) {
   if (f.wraps && std::abs(steps * f.dlon - 360.0) > kAngleSlack) {
     refuse("a planet that wraps spans 360 degrees, not " + number(steps * f.dlon));
   }
+  for (const int64_t row : {int64_t{0}, int64_t{1}, f.rows - 2, f.rows - 1}) check_parted(f, row);
 }
 
 /// Reads flat JSON objects of numbers and booleans, which is all that frames are.

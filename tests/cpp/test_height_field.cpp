@@ -165,6 +165,28 @@ TEST_CASE("cells of a planet that reach so far round that they show their inside
   }
 }
 
+TEST_CASE("samples beside a pole that cannot be told from each other are refused") {
+  FieldFrame frame = frame_of(3, 3);
+  const std::vector<float> heights(9, 0.0f);
+  frame.planet = true;
+  for (const double step : {0.000118, 0.001}) {
+    frame.dlon = frame.dlat = step;
+    for (const double north : {90.0, 45.0, -90.0 + 2.0 * step}) {
+      frame.lat0 = north;
+      if (step < 0.0005 && north != 45.0) {
+        CHECK_THROWS_WITH_AS(make(frame, heights), doctest::Contains("can be told from each other"),
+                             InvalidInput);
+      } else {
+        CHECK_NOTHROW(make(frame, heights));
+      }
+    }
+  }
+  frame.lat0 = 45.0;
+  frame.dlat = 1.0;
+  frame.dlon = 1e-9;
+  CHECK_THROWS_AS(make(frame, heights), InvalidInput);
+}
+
 TEST_CASE("the hash sees frame, heights and mask; a mask without voids is none") {
   std::vector<float> heights = {1, 2, 3, 4, 5, 6};
   const std::vector<uint8_t> all(6, 1), one = {1, 1, 0, 1, 1, 1};
