@@ -356,3 +356,20 @@ def test_cuts_by_hand_promise_no_more_than_selected_ones(tmp_path) -> None:
         roots = np.unique(store.nodes["id"][store.nodes["parent"] < 0])
         selected = session.select(over(field), _core.Budget(pixel_error=1.0))
         assert session.cut(roots, None).promises_bound == selected.promises_bound == (bounds == "drawn")
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_boxes_hold_a_pole_whose_columns_have_different_heights(tmp_path, whole: bool) -> None:
+    """All of a pole's row is drawn at its column 0: boxes of the other columns reach as far."""
+    heights = np.full((9, 24), 500.0)
+    heights[0], heights[0, 0] = 900.0, 0.0
+    degrees = None if whole else (0.0, 90.0, 3.0, 2.0)
+    field = lod.HeightField(heights, planet=True, radius=5000.0, degrees=degrees)
+    store = lod.build(field, "multigrain", tmp_path / "s.lod", progress=False, chart=8, levels=2, node_resolution=4)
+    session, nodes = store.core.session({"stream": False}), store.nodes
+    for cut in session.audit_cuts():
+        capture = session.capture(cut, _core.View((9e3, 0.0, 9e3), (0.0, 0.0, 5e3)))
+        for node in np.unique(capture.node):
+            row = nodes[nodes["id"] == node][0]
+            corners = capture.triangles[capture.node == node].reshape(-1, 3)
+            assert (corners >= row["box_min"] - 0.01).all() and (corners <= row["box_max"] + 0.01).all()

@@ -70,8 +70,9 @@ Box block_box(const HeightRows& field, const Layout& layout, const BlockErrors& 
   for (int64_t c = col; c <= last_col; ++c) lon.push_back(cos_sin_degrees(field.longitude(c)));
   for (int64_t r = row; r <= last_row; ++r) {
     const glm::dvec2 lat = cos_sin_degrees(field.latitude(r));
+    const bool pole = (layout.pole_first && r == 0) || (layout.pole_last && r == layout.last_row());
     for (int64_t c = col; c <= last_col; ++c) {
-      const double radius = field.radius + field.at(r, c == field.cols ? 0 : c);
+      const double radius = field.radius + field.at(r, pole || c == field.cols ? 0 : c);
       const glm::dvec2 at = lon[static_cast<size_t>(c - col)];
       box.add(radius * glm::dvec3(lat.x * at.x, lat.x * at.y, lat.y));
     }
