@@ -73,6 +73,21 @@ def test_the_instrument_returns_every_accuracy_column(store, field, full, path):
     assert set(row) == set(results.ACCURACY_COLUMNS)
 
 
+def test_geometry_alone_measures_the_same_and_draws_no_picture(store, path, run, monkeypatch):
+    monkeypatch.setattr(runs.Yardstick, "reference", lambda *_: None)  # nothing may need one
+    monkeypatch.setattr(passes, "store_for", None)  # nor `full`, which draws them
+    geometry = lod.fly(store, path, lod.Budget(pixel_error=1.0), metrics="geometry", **SMALL)
+    drawn = ("measured_px_p99", "measured_px_rms", "psnr_db", "crack_pixels", "crack_mask_share", "ssim", "flip",
+             "capture_mismatch_pixels", "pop_area", "drawn_triangles")  # fmt: skip
+    assert geometry.frames[list(drawn)].isna().all(axis=None)
+    same = [c for c in results.ACCURACY_COLUMNS if c not in drawn]
+    assert geometry.frames[same].equals(run.frames[same])
+    with pytest.raises(InvalidInput, match="no reference .metrics='geometry'"):
+        geometry.image(3, "reference")
+    with pytest.raises(InvalidInput, match="metrics is 'some'; it is one of all, geometry"):
+        lod.fly(store, path, lod.Budget(pixel_error=1.0), metrics="some", **SMALL)
+
+
 def test_laws_hold_in_every_measured_frame(run):
     measured = run.frames[run.frames["accuracy"]]
     assert measured["promises_bound"].all()

@@ -73,6 +73,14 @@ def test_frozen_configuration_repeats_the_run(swept, tmp_path):
     assert (tmp_path / "again" / "config.toml").read_bytes() == (swept.directory / "config.toml").read_bytes()
 
 
+def test_a_sweep_of_geometry_says_so_in_its_configuration(tmp_path):
+    small = CONFIG | {"methods": CONFIG["methods"][1:], "pixel_errors": [4.0], "frames": 2}
+    result = lod.sweep(small, metrics="geometry", out=tmp_path / "run", progress=False)
+    assert tomllib.loads((tmp_path / "run" / "config.toml").read_text())["metrics"] == "geometry"
+    assert result.frames["flip"].isna().all() and result.frames["measured_px_max"].notna().all()
+    assert [file.name.split("-")[0] for file in (tmp_path / "run" / "stores").iterdir()] == ["chunked"]
+
+
 def test_jobs_give_the_same_rows(swept, tmp_path):
     side_by_side = lod.sweep(CONFIG, out=tmp_path / "jobs", jobs=2, progress=False)
     assert stable(side_by_side.frames).equals(stable(swept.frames))

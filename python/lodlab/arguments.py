@@ -43,6 +43,9 @@ Device = Annotated[
     typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),
 ]
 Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
+Metrics = Annotated[
+    str, typer.Option("--metrics", metavar="all|geometry", help="What to measure; geometry: nothing of pictures.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")]
 At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]

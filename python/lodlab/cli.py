@@ -31,6 +31,7 @@ from .arguments import (
     Images,
     Jobs,
     Json,
+    Metrics,
     Nodes,
     OptionTexts,
     OutFolder,
@@ -275,6 +276,7 @@ def fly_command(
     nodes: Nodes = None,
     option: OptionTexts = None,
     images: Images = "worst",
+    metrics: Metrics = "all",
     accuracy_frames: AccuracyFrames = 12,
     repeat: Repeat = 1,
     device: Device = None,
@@ -292,6 +294,7 @@ def fly_command(
         frames=frames,
         fov=fov,
         images=images,
+        metrics=metrics,
         accuracy_frames=accuracy_frames,
         repeat=repeat,
         device=device,
@@ -341,6 +344,7 @@ def compare_command(
     size: Size = "1280x720",
     fov: Fov = None,
     images: Images = "worst",
+    metrics: Metrics = "all",
     accuracy_frames: AccuracyFrames = 12,
     repeat: Repeat = 1,
     jobs: Jobs = 1,
@@ -369,6 +373,7 @@ def compare_command(
         size=size_of(size),
         fov=fov,
         images=images,
+        metrics=metrics,
         accuracy_frames=accuracy_frames,
         repeat=repeat,
         jobs=jobs,
@@ -382,6 +387,9 @@ def compare_command(
 def sweep_command(
     config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="See docs/sweeps.md.")],
     out: OutFolder,
+    metrics: Annotated[
+        str | None, typer.Option("--metrics", metavar="all|geometry", help="What to measure [default: the file's].")
+    ] = None,
     jobs: Jobs = 1,
 ) -> None:
     """Runs over a grid that a file describes.
@@ -389,7 +397,7 @@ def sweep_command(
     Sources, paths, methods, options and budgets: see docs/sweeps.md, or the config.toml of any run directory. Goes
     on where it was stopped, and ends with the report.
     """
-    finish(lodlab.sweep(config, out=out, jobs=jobs), out)
+    finish(lodlab.sweep(config, out=out, jobs=jobs, metrics=metrics), out)
 
 
 def finish(result: Any, out: Path) -> None:

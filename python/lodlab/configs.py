@@ -11,6 +11,7 @@ A TOML file, or a dict of the same shape:
     accuracy_frames = 12             # measured frames, evenly spaced
     repeat = 1                       # timing passes
     images = "worst"                 # all | worst | none
+    metrics = "all"                  # all | geometry: no picture is drawn to measure, their columns are nan
     device = ""                      # "": LODLAB_DEVICE or auto
     pixel_errors = [0.5, 1, 2]       # budgets, for every method that has none of its own;
     triangles = []                   # where several kinds are given, every combination
@@ -49,6 +50,7 @@ DEFAULTS: dict[str, Any] = {
     "accuracy_frames": 12,
     "repeat": 1,
     "images": "worst",
+    "metrics": "all",
     "device": "",
     "pixel_errors": [],
     "triangles": [],
@@ -56,7 +58,8 @@ DEFAULTS: dict[str, Any] = {
     "methods": [],
 }
 DEFAULT_PIXEL_ERRORS = (0.5, 1.0, 2.0, 4.0, 8.0)
-_KINDS = {"frames": int, "fov": float, "accuracy_frames": int, "repeat": int, "images": str, "device": str}
+_KINDS = {"frames": int, "fov": float, "accuracy_frames": int, "repeat": int, "images": str, "metrics": str,
+          "device": str}  # fmt: skip
 
 
 # ---- configuration --------------------------------------------------------------------------------
@@ -82,7 +85,7 @@ def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
     out["size"] = [_typed("size", v, int) for v in out["size"]]
     Flight(
         "", "", "", {}, {}, out["frames"], images=out["images"], accuracy_frames=out["accuracy_frames"],
-        repeat=out["repeat"],
+        repeat=out["repeat"], metrics=out["metrics"],
     ).check()  # fmt: skip
     common = {key: _budgets(key, out.pop(key)) for key in BUDGET_LISTS}
     if not isinstance(out["methods"], list) or not out["methods"]:
@@ -189,6 +192,7 @@ def flight_config(store: Store, flight: Flight, device: str | None) -> dict[str,
         "accuracy_frames": flight.accuracy_frames,
         "repeat": flight.repeat,
         "images": flight.images,
+        "metrics": flight.metrics,
         "device": device or "",
         "methods": [
             {
@@ -239,7 +243,7 @@ def plan(config: Mapping[str, Any]) -> list[Task]:
         draw = {k: chosen[k] for k in options_of(method, "draw")}
         flight = Flight(
             unique, source, path, budget, draw, config["frames"], tuple(config["size"]), config["fov"],
-            config["accuracy_frames"], config["repeat"], config["images"],
+            config["accuracy_frames"], config["repeat"], config["images"], config["metrics"],
         )  # fmt: skip
         tasks.append(Task(flight, method, {k: chosen[k] for k in options_of(method, "build")}))
     return tasks

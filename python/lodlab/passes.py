@@ -29,6 +29,7 @@ REFERENCE_BYTES = 1 << 30  # of cached reference pictures, per source
 WARM_UP = 3  # frames drawn before the first that counts
 WARM_UP_SPREAD = 8  # further ones spread over the path, when everything is loaded first
 IMAGES = ("all", "worst", "none")
+MEASURES = ("all", "geometry")  # geometry: no picture is drawn to measure, and columns that need one are nan
 
 
 class CaptureMismatch(GLError):
@@ -104,6 +105,7 @@ class Flight:
     accuracy_frames: int = 12
     repeat: int = 1
     images: str = "none"
+    metrics: str = "all"
 
     def check(self) -> None:
         """InvalidInput for what no run can be made of."""
@@ -116,6 +118,8 @@ class Flight:
                 raise InvalidInput(f"fly: {name} is {value}; it is at least {low}")
         if self.images not in IMAGES:
             raise InvalidInput(f"fly: images is {self.images!r}; it is one of {', '.join(IMAGES)}")
+        if self.metrics not in MEASURES:
+            raise InvalidInput(f"fly: metrics is {self.metrics!r}; it is one of {', '.join(MEASURES)}")
 
 
 # ---- what it is measured against ------------------------------------------------------------------
@@ -130,8 +134,10 @@ class Yardstick:
         folder: Path | None = None,
         progress: bool = True,
         options: Mapping[str, Any] | None = None,
+        metrics: str = "all",
     ):
         self.source = source
+        self.metrics = metrics
         self.options = dict(options or {})
         self._folder = folder
         self._progress = progress
@@ -141,8 +147,9 @@ class Yardstick:
 
     @property
     def pictures(self) -> bool:
-        """False above 32 M samples: no reference picture, its columns are nan."""
-        return not self.source.windowed and self.source.shape[0] * self.source.shape[1] <= PICTURE_SAMPLES
+        """Whether there are reference pictures; without, their columns are nan. None above 32 M samples."""
+        few = not self.source.windowed and self.source.shape[0] * self.source.shape[1] <= PICTURE_SAMPLES
+        return few and self.metrics == "all"
 
     def instrument(self) -> Any:
         """The core's instrument; builds `full` on first use."""
@@ -157,7 +164,7 @@ class Yardstick:
         return self._instrument
 
     def reference(self, view: Any) -> Any:
-        """The reference picture of a view, or None above 32 M samples."""
+        """The reference picture of a view, or None without `pictures`."""
         if not self.pictures:
             return None
         if view not in self._references:
@@ -382,7 +389,7 @@ def perform(
     views = list(path.views(flight.size, flight.fov))
     indices = accuracy_indices(len(views), flight.accuracy_frames)
     if indices and yardstick is None:
-        yardstick = Yardstick(store.source, options=look_of(store))
+        yardstick = Yardstick(store.source, options=look_of(store), metrics=flight.metrics)
     session, recording = timed(store, views, flight, tick=tick)
     if flight.options.get("stream", False):
         session = store.core.session(still(store.method, flight.options))

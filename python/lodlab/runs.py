@@ -77,7 +77,9 @@ class Run:
             if show == "reference":
                 reference = self._flown.yardstick.reference(recording.views[f])
                 if reference is None:
-                    raise InvalidInput(f"image: run {self.name} has no reference (above {PICTURE_SAMPLES} samples)")
+                    drawn = self._flown.yardstick.metrics == "all"
+                    why = f"above {PICTURE_SAMPLES} samples" if drawn else "metrics='geometry'"
+                    raise InvalidInput(f"image: run {self.name} has no reference ({why})")
                 return Frame(reference.image, reference.depth)
             drawn = self._flown.session.draw(recording.cuts[f], recording.views[f], show)
             return Frame(drawn.image, drawn.depth)
@@ -134,6 +136,7 @@ def fly(
     accuracy_frames: int = 12,
     repeat: int = 1,
     images: str | None = None,
+    metrics: str = "all",
     out: str | os.PathLike[str] | None = None,
     device: str | None = None,
     source: Any = None,
@@ -143,9 +146,11 @@ def fly(
     """Flies a store along a path under a budget and measures it.
 
     `path`: a CameraPath, a built-in name or a key-frame file (`frames` and `fov`, degrees, are for names and
-    files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames
-    are measured; 0 needs no source. `repeat`: timing passes. `images`: all, worst or none (default worst
-    with `out`, else none). `out`: run directory. `options`: the method's draw options.
+    files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames are
+    measured; 0 needs no source. `repeat`: timing passes. `images`: all, worst or none (default worst with `out`,
+    else none). `metrics`: all, or geometry, for which no picture is drawn to measure (columns that need one are
+    nan, and whether the capture is what was drawn is not looked at). `out`: run directory. `options`: the method's
+    draw options.
 
     Raises InvalidInput and Unsupported for what the user got wrong, CaptureMismatch (after the results are
     written) when a capture was not what was drawn. A directory that holds this very run already is read.
@@ -173,6 +178,7 @@ def fly(
         accuracy_frames=accuracy_frames,
         repeat=repeat,
         images=images or ("none" if out is None else "worst"),
+        metrics=metrics,
     )
     flight.check()
     check_budget(store.method, flight.budget)
@@ -180,7 +186,7 @@ def fly(
     yardstick = None
     if accuracy_frames > 0:
         stores = Path(out) / "stores" if out is not None else None
-        yardstick = Yardstick(store.source, stores, progress, look_of(store))
+        yardstick = Yardstick(store.source, stores, progress, look_of(store), metrics)
 
     def finish(flown: Flown) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         return flown.rows, summary_of(flown, store)

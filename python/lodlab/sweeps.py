@@ -73,19 +73,19 @@ class Workshop:
         stores = self.folder / "stores"
         return store_for(source, task.method, task.build_options, stores, progress=self._progress)
 
-    def yardstick(self, store: Store) -> Yardstick:
+    def yardstick(self, store: Store, metrics: str) -> Yardstick:
         """What a store's cuts are measured against; one for all stores that look alike."""
         look = look_of(store)
         key = results.options_text(look)
         if key not in self._yardsticks:
-            self._yardsticks[key] = Yardstick(store.source, self.folder / "stores", self._progress, look)
+            self._yardsticks[key] = Yardstick(store.source, self.folder / "stores", self._progress, look, metrics)
         return self._yardsticks[key]
 
     def make(self, task: Task, tick: Callable[[], Any]) -> dict[str, Any]:
         """One run: its rows, and what the provenance wants to know."""
         store = self.prepare(task)
         flight = task.flight
-        yardstick = self.yardstick(store)
+        yardstick = self.yardstick(store, flight.metrics)
         flown = perform(store, self.path(flight), flight, yardstick=yardstick, folder=self.folder, tick=tick)
         return {
             "rows": flown.rows,
@@ -151,7 +151,7 @@ def _side_by_side(
     for task in tasks:  # builds use every core by themselves, and no two workers build the same store
         bar.set_postfix_str(f"store of {task.flight.name}")
         store = workshop.prepare(task)
-        if task.flight.accuracy_frames:
+        if task.flight.accuracy_frames and task.flight.metrics == "all":
             store_for(store.source, "full", look_of(store), workshop.folder / "stores", progress=False)
     bar.set_postfix_str(f"{jobs} jobs")
     in_memory = {name: source for name, source in workshop.sources.items() if not source.spec}
@@ -241,6 +241,7 @@ def sweep(
     *,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
+    metrics: str | None = None,
     sources: Mapping[str, Any] | None = None,
     paths: Mapping[str, CameraPath] | None = None,
     progress: bool = True,
@@ -249,7 +250,8 @@ def sweep(
 
     `config`: a dict or TOML file as above; or a list of Run, which are put together. `out`: the run
     directory; a sweep that was stopped goes on where it stopped, another configuration in it is refused;
-    without it, results live as long as the Sweep. `jobs`: spawned worker processes. `sources`,
+    without it, results live as long as the Sweep. `jobs`: spawned worker processes. `metrics`: all or geometry,
+    instead of the configuration's. `sources`,
     `paths`: those in memory, by their names in the configuration.
     """
     if isinstance(config, (list, tuple)):
@@ -261,7 +263,8 @@ def sweep(
     if jobs > 1 and paths:
         raise InvalidInput(f"sweep: jobs is {jobs}, but path {next(iter(paths))!r} is in memory; save it to a file")
     given = {name: as_source(value) for name, value in (sources or {}).items()}
-    frozen = freeze(config if isinstance(config, Mapping) else results.read_config(config))
+    wanted = config if isinstance(config, Mapping) else results.read_config(config)
+    frozen = freeze(wanted if metrics is None else {**wanted, "metrics": metrics})
     if frozen["device"]:
         _core.choose_device(frozen["device"])
     tasks = plan(frozen)
@@ -372,6 +375,7 @@ def compare(
     accuracy_frames: int = 12,
     repeat: int = 1,
     images: str = "worst",
+    metrics: str = "all",
     device: str | None = None,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
@@ -410,6 +414,7 @@ def compare(
         "accuracy_frames": accuracy_frames,
         "repeat": repeat,
         "images": images,
+        "metrics": metrics,
         "device": device or "",
         **chosen,
         "methods": [{"name": m, "options": dict((options or {}).get(m, {}))} for m in methods],
