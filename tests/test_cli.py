@@ -227,6 +227,17 @@ def test_info_of_a_damaged_store(say, store, folder):
     fails(say("info", damaged), 1, "damaged.lod")
 
 
+def test_render_films_a_path(say, store, folder):
+    film = ("--video", folder / "a.gif", "--frames", "3", "--fps", "10")
+    status, text, _ = say("render", store, *film, "--size", "64x36", "--show", "error")
+    assert status == 0 and "3 frames, 0.3 s" in text
+    assert (folder / "a.gif").read_bytes().startswith(b"GIF89a")
+    fails(say("render", store), 2, "OUT.png", "--video")
+    fails(say("render", store, folder / "a.png", "--video", folder / "a.gif"), 2, "one of both")
+    fails(say("render", store, "--video", folder / "a.avi"), 2, "ends in none of .mp4, .gif")
+    fails(say("render", store, "--video", folder / "a.gif", "--fps", "0"), 2, "1 to 100")
+
+
 def test_fly_leaves_a_run_directory(say, store, folder):
     out = folder / "run"
     status, text, _ = say("fly", store, "--out", out, "--pixel-error", "1", *SMALL)
@@ -235,7 +246,7 @@ def test_fly_leaves_a_run_directory(say, store, folder):
     for name in ("config.toml", "provenance.json", "frames.csv", "summary.csv", "report.html", "pareto.png",
                  "pareto.svg"):  # fmt: skip
         assert (out / name).stat().st_size > 0
-    assert list((out / "images" / "chunked-px1").glob("*-difference-x*.png"))
+    assert list((out / "images" / "chunked-px1.worst").glob("*-difference-x*.png"))
 
 
 def test_compare_ends_with_the_report(say, folder):

@@ -86,9 +86,20 @@ def test_report_links_the_worst_frame_of_each_run(swept, page):
     links.feed(page)
     for name in swept.runs:
         worst = worst_frame(swept.run(name).frames.to_dict("records"))
-        wanted = [f"{worst:06d}{kind}.png" for kind in ("", "-reference", "-error", "-level")]
-        assert all(f"images/{name}/{file}" in links.links for file in wanted), name
+        wanted = [f"{name}.worst/{worst:06d}-{kind}.png" for kind in ("reference", "error", "level")]
+        assert all(f"images/{file}" in links.links for file in (f"{name}/{worst:06d}.png", *wanted)), name
     assert all((swept.directory / unquote(link)).is_file() for link in links.links)
+
+
+def test_charts_give_their_figure_and_refuse_unknown_themes(swept, tmp_path):
+    chart = lod.charts.pareto(swept)
+    figure = chart.figure("dark")
+    figure.axes[0].set_title("mine")
+    figure.savefig(tmp_path / "mine.png")
+    assert len(figure.axes) == 2 and (tmp_path / "mine.png").stat().st_size > 0
+    assert figure is not chart.figure("dark"), "a changed figure would change the chart"
+    with pytest.raises(InvalidInput, match="theme is 'pink'; it is one of light, dark"):
+        chart.figure("pink")
 
 
 def test_links_are_safe_for_every_name_of_a_run():

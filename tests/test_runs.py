@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 
+import av
 import numpy as np
+import PIL.Image
 import pytest
 
 import lodlab as lod
-from lodlab import _core, passes, results, runs
+from lodlab import _core, movies, passes, results, runs
 from lodlab.errors import InvalidInput, StoreError, Unsupported
 from lodlab.instrument import measure
 
@@ -157,7 +160,7 @@ def test_a_frame_shows_its_measured_error(run, store, path):
 def test_sources_too_large_for_a_reference_still_show_their_error(store, path, tmp_path, monkeypatch):
     monkeypatch.setattr(passes, "PICTURE_SAMPLES", 10)
     run = lod.fly(store, path, {"pixel_error": 1.0}, out=tmp_path / "run", **SMALL)
-    kinds = {p.stem.partition("-")[2] for p in (tmp_path / "run" / "images" / run.name).iterdir()}
+    kinds = {p.stem.partition("-")[2] for p in (tmp_path / "run" / "images").rglob("*.png")}
     assert kinds == {"", "level", "error"}
     with pytest.raises(InvalidInput, match="has no reference"):
         run.image(show="reference")
@@ -171,7 +174,7 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     assert back.frames.drop(columns=list(results.TIME_COLUMNS)).equals(
         run.frames.drop(columns=list(results.TIME_COLUMNS))
     )
-    pictures = sorted(p.name for p in (out / "images" / "chunked-px1").glob("??????.png"))
+    pictures = sorted(p.name for p in (out / "images" / "chunked-px1").iterdir())  # and nothing else
     assert pictures == [f"{f:06d}.png" for f in range(7)]
     worst = passes.worst_frame(run.frames.to_dict("records"))
     assert np.array_equal(back.image(worst).image[..., :3], run.image(worst).image[..., :3])
@@ -187,6 +190,73 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     assert not lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)._flown
     with pytest.raises(InvalidInput, match="another configuration .*pixel_errors"):
         lod.fly(store, path, lod.Budget(pixel_error=2.0), out=out, images="all", stream=False, **SMALL)
+
+
+@pytest.fixture(scope="module")
+def kept(store, path, tmp_path_factory):
+    """A run directory without pictures, and its run as this process knows it."""
+    out = tmp_path_factory.mktemp("kept") / "run"
+    return out, lod.fly(store, path, {"pixel_error": 1.0}, out=out, images="none", stream=False, **SMALL)
+
+
+@pytest.mark.parametrize("show", ["shade", "level", "wire", "normal", "reference", "error"])
+def test_a_run_read_from_disk_draws_every_frame_again(kept, show):
+    out, run = kept
+    assert np.array_equal(runs.load(out).image(4, show).image, run.image(4, show).image)
+
+
+def test_a_run_read_from_disk_is_not_drawn_from_another_source_or_path(kept):
+    def refused(message: str, **changed: object) -> None:
+        run = runs.load(kept[0])
+        run.frames = run.frames.assign(**changed)
+        with pytest.raises(InvalidInput, match=f"{message}.*images='all'"):
+            run.image(1)
+
+    refused("has changed since: hash .* instead of", source="fractal:size=65,seed=4")
+    refused("frame 0 had .* triangles and now has .*: its path orbit is another one", path="orbit")
+    refused("it cannot be drawn again: .*", source="array:12345678")
+    refused("it cannot be drawn again: .*", path="keys")
+    refused("it streamed", stream=True)
+
+
+def test_animations_hold_every_frame(run, tmp_path):
+    made = run.animation(fps=20)
+    assert len(made) == 7 and made._repr_html_().startswith("<img")
+    made.save(tmp_path / "a.gif")
+    with PIL.Image.open(tmp_path / "a.gif") as gif:
+        assert (gif.n_frames, gif.size, gif.info["duration"]) == (7, SIZE, 50)
+    made.save(tmp_path / "a.mp4")
+    with av.open(str(tmp_path / "a.mp4")) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+        assert film.streams.video[0].average_rate == 20
+    assert len(frames) == 7
+    # 4:2:0 and quantization: a few steps in the mean, where another frame differs by tens.
+    assert np.abs(frames[3].astype(int) - run.image(3).image[..., :3]).mean() < 6.0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.mp4"]
+
+
+def test_films_that_cannot_be_written_are_refused_before_anything_is_drawn(tmp_path, monkeypatch):
+    def never() -> None:
+        pytest.fail("a frame was drawn")
+        yield
+
+    for name, fps, message in (("a.avi", 30, "ends in none of .mp4, .gif"), ("a.gif", 0, "fps is 0"),
+                               ("none/a.gif", 30, "no directory"), ("a.gif", True, "fps is True")):  # fmt: skip
+        with pytest.raises(InvalidInput, match=message):
+            movies.save(tmp_path / name, never(), fps)
+    with pytest.raises(InvalidInput, match="there is no frame"):
+        movies.save(tmp_path / "a.mp4", iter(()))
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(Unsupported, match=r"lodlab\[video\]"):
+        movies.save(tmp_path / "a.mp4", never())
+    assert not list(tmp_path.iterdir())
+
+
+def test_films_with_odd_sides_repeat_their_last_pixels(tmp_path):
+    grey = np.full((31, 45, 4), 90, np.uint8)
+    movies.save(tmp_path / "a.mp4", iter([grey, grey]))
+    with av.open(str(tmp_path / "a.mp4")) as film:
+        assert [(f.width, f.height) for f in film.decode(video=0)] == [(46, 32)] * 2
 
 
 def test_budgets_are_checked_before_anything_is_drawn(store, path, tmp_path):

@@ -46,7 +46,7 @@ STUDY_PANEL = (190.0, 228.0)  # the same in a figure with a legend
 
 
 class Chart:
-    """A drawn chart: shows itself in notebooks, saves as PNG, SVG or PDF."""
+    """A drawn chart: shows itself in notebooks, saves as PNG, SVG or PDF, gives its matplotlib figure."""
 
     def __init__(self, draw: Any, title: str):
         self._draw = draw
@@ -67,35 +67,25 @@ class Chart:
             raise InvalidInput(f"save chart: {path} ends in none of .png, .svg, .pdf")
         write_atomic(Path(path), self._render(theme, kind, 200))
 
-    def _render(self, theme: str, kind: str, dpi: int) -> bytes:
+    def figure(self, theme: str = "light") -> Any:
+        """A new `matplotlib.figure.Figure` with the chart on it, to be changed and saved as any other."""
         import matplotlib
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        ink = INK[theme]
-        style = {
-            "font.family": "DejaVu Sans",
-            "font.size": 9.0,
-            "text.color": ink["text"],
-            "axes.labelcolor": ink["text"],
-            "axes.edgecolor": ink["faint"],
-            "xtick.color": ink["faint"],
-            "ytick.color": ink["faint"],
-            "xtick.labelcolor": ink["text"],
-            "ytick.labelcolor": ink["text"],
-            "axes.facecolor": ink["page"],
-            "figure.facecolor": ink["page"],
-            "savefig.facecolor": ink["page"],
-            "grid.color": ink["rule"],
-            "svg.hashsalt": "lodlab",
-            "svg.fonttype": "path",
-        }
-        with matplotlib.rc_context(style):
-            figure = Figure(layout="constrained")
+        with matplotlib.rc_context(_style(theme)):
+            figure = Figure(layout="constrained", facecolor=INK[theme]["page"])
             FigureCanvasAgg(figure)
             self._draw(figure, theme)
-            out = io.BytesIO()
-            stamp = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+        return figure
+
+    def _render(self, theme: str, kind: str, dpi: int) -> bytes:
+        import matplotlib
+
+        figure = self.figure(theme)
+        out = io.BytesIO()
+        stamp = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+        with matplotlib.rc_context(_style(theme)):
             figure.savefig(out, format=kind, dpi=dpi, metadata=stamp)
         return out.getvalue()
 
@@ -104,6 +94,30 @@ class Chart:
 
     def __repr__(self) -> str:
         return f"<lodlab chart: {self.title}>"
+
+
+def _style(theme: str) -> dict[str, Any]:
+    """matplotlib's settings for a chart."""
+    if theme not in INK:
+        raise InvalidInput(f"chart: theme is {theme!r}; it is one of {', '.join(INK)}")
+    ink = INK[theme]
+    return {
+        "font.family": "DejaVu Sans",
+        "font.size": 9.0,
+        "text.color": ink["text"],
+        "axes.labelcolor": ink["text"],
+        "axes.edgecolor": ink["faint"],
+        "xtick.color": ink["faint"],
+        "ytick.color": ink["faint"],
+        "xtick.labelcolor": ink["text"],
+        "ytick.labelcolor": ink["text"],
+        "axes.facecolor": ink["page"],
+        "figure.facecolor": ink["page"],
+        "savefig.facecolor": ink["page"],
+        "grid.color": ink["rule"],
+        "svg.hashsalt": "lodlab",
+        "svg.fonttype": "path",
+    }
 
 
 def tables_of(result: Any) -> tuple[Any, Any, Any]:

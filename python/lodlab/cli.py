@@ -417,24 +417,36 @@ def report(
 # ---- pictures and meshes --------------------------------------------------------------------------
 
 
+def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -> tuple[Any, Any]:
+    """(session, budget) that draw with all data; 1 px where no budget is given."""
+    from .passes import check_budget, still
+
+    checked = check_budget(store.method, budget or {"pixel_error": 1.0})
+    return store.session(**still(store.method, options)), checked
+
+
 def one_cut(
     store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
 ) -> tuple[Any, Any, Any]:
-    """(session, cut, view) of one spot on a path; 1 px where no budget is given."""
-    from .passes import check_budget, make_path, still
+    """(session, cut, view) of one spot on a path."""
+    from .passes import make_path
 
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
-    checked = check_budget(store.method, budget or {"pixel_error": 1.0})
     view = make_path(path, store.source, 2, fov).view_at(at, size_of(size), fov)
-    session = store.session(**still(store.method, options))
+    session, checked = still_session(store, budget, options)
     return session, session.select(view, checked), view
 
 
 @app.command(epilog="Example: lodlab render jacksboro.lod picture.png --at 0.5 --pixel-error 2 --show level")
 def render(
     store: StoreFile,
-    picture: Annotated[Path, typer.Argument(metavar="OUT.png", help="The picture to write.")],
+    picture: Annotated[Path | None, typer.Argument(metavar="[OUT.png]", help="The picture to write.")] = None,
+    video: Annotated[
+        Path | None, typer.Option("--video", metavar="OUT.mp4|.gif", help="Write the whole path instead.")
+    ] = None,
+    frames: Frames = 120,
+    fps: Annotated[float, typer.Option("--fps", metavar="F", help="Of --video: frames a second, 1 to 100.")] = 30.0,
     at: At = 0.5,
     path: PathText = "flyover",
     size: Size = "1280x720",
@@ -449,20 +461,42 @@ def render(
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
-    """One picture of a store.
+    """One picture of a store, or a whole path as a moving one.
 
-    Of one view on a path; 1 px where no budget is given. `--show error` colours the surface by its measured error.
+    Of one view on a path, or with --video of --frames views along it; 1 px where no budget is given. `--show error`
+    colours the surface by its measured error.
     """
-    pictures.check_name(picture)
+    from . import movies
+
+    if (picture is None) == (video is None):
+        raise InvalidInput("render: name a picture (OUT.png) or --video OUT.mp4 or .gif, one of both")
+    if video is None:
+        pictures.check_name(picture)
+    else:
+        movies.check_name(video)
+        movies.check_fps(fps)
     choose(device)
     opened = open_store(store, source)
     budget = budget_from(pixel_error, triangles, nodes)
+    instrument = _core.Instrument(opened.source.core) if show == "error" else None
+
+    def drawn(session: Any, cut: Any, view: Any) -> Any:
+        if instrument is None:
+            return session.draw(cut, view, show).image
+        measured = instrument.examine(session.core, cut.core, view)
+        return pictures.error_picture(measured.image, measured.error_px())
+
+    if video is not None:
+        from .passes import make_path
+
+        track = make_path(path, opened.source, frames, fov)
+        session, checked = still_session(opened, budget, options_from(option))
+        views = track.views(size_of(size), fov)
+        movies.save(video, (drawn(session, session.select(view, checked), view) for view in views), fps)
+        typer.echo(f"{video}: {len(track)} frames, {len(track) / fps:.3g} s")
+        return
     session, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
-    if show == "error":
-        measured = _core.Instrument(opened.source.core).examine(session.core, cut.core, view)
-        pictures.save(picture, pictures.error_picture(measured.image, measured.error_px()))
-    else:
-        session.draw(cut, view, show).save(picture)
+    pictures.save(picture, drawn(session, cut, view))
     typer.echo(
         f"{picture}: {cut.visible_nodes} nodes, {cut.triangles:,} triangles, predicted {cut.predicted_px:.3g} px"
     )

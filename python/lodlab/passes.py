@@ -199,6 +199,13 @@ def still(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     return {**options, "stream": False, "gpu_cache_mb": known["gpu_cache_mb"]["range"][1]}
 
 
+def store_file(source: HeightField, method: str, options: Mapping[str, Any], folder: Path) -> Path:
+    """Where `store_for` keeps the store of a source, method and build options."""
+    resolved = _core.resolve_options(method, "build", dict(options))
+    digest = results.short_hash({"source": source.hash(), "options": resolved})
+    return folder / f"{method}-{digest}.lod"
+
+
 def store_for(
     source: HeightField,
     method: str,
@@ -212,9 +219,8 @@ def store_for(
     Reused when it is there with the same source and options; an interrupted build is taken up.
     """
     resolved = _core.resolve_options(method, "build", dict(options))
-    digest = results.short_hash({"source": source.hash(), "options": resolved})
     folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{method}-{digest}.lod"
+    file = store_file(source, method, resolved, folder)
     if file.exists():
         store = open(file)
         if store.method == method and store.source_hash == source.hash() and store.options == resolved:
@@ -329,6 +335,11 @@ def worst_frame(rows: Sequence[Mapping[str, Any]]) -> int:
     return max(measured, key=lambda r: (r["measured_px_max"], -r["frame"]))["frame"]
 
 
+def worst_folder(folder: Path, run: str) -> Path:
+    """Where a run keeps what explains its worst frame, beside its numbered frames."""
+    return folder / "images" / f"{run}.worst"
+
+
 def make_pictures(
     folder: Path,
     flight: Flight,
@@ -337,13 +348,15 @@ def make_pictures(
     session: Any,
     yardstick: Yardstick | None,
 ) -> None:
-    """Writes `images/RUN/000042.png` and, for the worst frame, `-reference`, `-difference-xN`, `-error`, `-level`."""
+    """Writes `images/RUN/000042.png`, nothing but numbered frames, and of the worst one into `images/RUN.worst`
+    `000042-level.png`, `-error`, `-reference` and `-difference-xN`."""
     if flight.images == "none":
         return
-    folder = folder / "images" / flight.name
-    folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.png"):
-        old.unlink()
+    folder, extras = folder / "images" / flight.name, worst_folder(folder, flight.name)
+    for one in (folder, extras):
+        one.mkdir(parents=True, exist_ok=True)
+        for old in one.glob("*.png"):
+            old.unlink()
     worst = worst_frame(rows)
     for f in range(len(rows)) if flight.images == "all" else (worst,):
         drawn = session.draw(recording.cuts[f], recording.views[f], "shade")
@@ -351,17 +364,17 @@ def make_pictures(
         if f != worst:
             continue
         levels = session.draw(recording.cuts[f], recording.views[f], "level")
-        pictures.save(folder / f"{f:06d}-level.png", levels.image)
+        pictures.save(extras / f"{f:06d}-level.png", levels.image)
         if yardstick is None:
             continue
         if not yardstick.source.windowed:
             error = yardstick.error_picture(session, recording.cuts[f], recording.views[f])
-            pictures.save(folder / f"{f:06d}-error.png", error)
+            pictures.save(extras / f"{f:06d}-error.png", error)
         reference = yardstick.reference(recording.views[f])
         if reference is not None:
             delta, factor = pictures.difference(drawn.image, reference.image)
-            pictures.save(folder / f"{f:06d}-reference.png", reference.image)
-            pictures.save(folder / f"{f:06d}-difference-x{factor}.png", delta)
+            pictures.save(extras / f"{f:06d}-reference.png", reference.image)
+            pictures.save(extras / f"{f:06d}-difference-x{factor}.png", delta)
 
 
 @dataclass

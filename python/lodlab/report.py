@@ -27,6 +27,7 @@ from .columns import tooltip
 from .errors import InvalidInput
 from .figures import number, percent
 from .laws import judge
+from .passes import worst_folder
 from .results import HEAD, short_source, write_atomic
 from .statistics import noise_floor
 from .sweeps import Sweep
@@ -115,8 +116,9 @@ def _chart(chart: charts.Chart, caption: str) -> str:
     )
 
 
-def _strip(folder: Path, run: Any, seen: dict[Path, str]) -> str:
+def _strip(directory: Path, run: Any, seen: dict[Path, str]) -> str:
     """Shade, reference, difference, error and levels of a run's worst frame; empty when it wrote none."""
+    folder = worst_folder(directory, run["run"])
     found = sorted(folder.glob("*-level.png"))
     if not found:
         return ""
@@ -124,7 +126,7 @@ def _strip(folder: Path, run: Any, seen: dict[Path, str]) -> str:
     deltas = sorted(folder.glob(f"{number_text}-difference-x*.png"))
     factor = re.search(r"-x(\d+)\.png$", deltas[0].name)[1] if deltas else ""
     items = [
-        (folder / f"{number_text}.png", "drawn"),
+        (directory / "images" / run["run"] / f"{number_text}.png", "drawn"),
         (folder / f"{number_text}-reference.png", "reference: everything drawn"),
         *((file, f"difference × {factor}") for file in deltas),
         (folder / f"{number_text}-error.png", "measured error"),
@@ -152,7 +154,7 @@ def _link(picture: Path) -> str:
 
 def _strips(result: Sweep) -> str:
     seen: dict[Path, str] = {}
-    parts = [_strip(result.directory / "images" / row["run"], row, seen) for _, row in result.summary.iterrows()]
+    parts = [_strip(result.directory, row, seen) for _, row in result.summary.iterrows()]
     text = "".join(parts)
     if not text:
         return '<p class="faint">These runs kept no pictures (images = none).</p>'

@@ -11,6 +11,7 @@ from typing import Any
 
 from . import _core, pictures, results
 from .errors import InvalidInput
+from .movies import FPS, Animation
 from .passes import (
     PICTURE_SAMPLES,
     CaptureMismatch,
@@ -28,11 +29,12 @@ from .passes import (
     perform,
     run_name,
     summary_of,
+    worst_folder,
     worst_frame,
 )
 from .paths import CameraPath
 from .sources import as_source
-from .stores import Frame, Store, method_table
+from .stores import SHOWS, Frame, Store, method_table
 
 __all__ = ["CaptureMismatch", "Run", "fly", "load"]
 
@@ -58,36 +60,59 @@ class Run:
     def image(self, frame: int | None = None, show: str = "shade") -> Frame:
         """The picture of a frame (default: the worst one), drawn again from its recorded cut.
 
-        `show`: shade, level, wire, reference, or error (measured, in pixels, with its scale below). Of a run read
-        from disk only the pictures that it wrote are there: `shade`, and of the worst frame `level`, `reference` and
-        `error`.
+        `show`: shade, normal, level, wire, reference, or error (measured, in pixels, with its scale below). A run read
+        from disk shows the pictures that it wrote; others are drawn again from its source and path, and InvalidInput
+        says why where that cannot be: streamed runs, sources and paths that were in memory or have changed.
         """
         f = worst_frame(self.frames.to_dict("records")) if frame is None else int(frame)
         if not 0 <= f < len(self.frames):
             raise InvalidInput(f"image: frame {f} of run {self.name}; it has frames 0 to {len(self.frames) - 1}")
-        if self._flown is not None:
-            recording = self._flown.recording
-            if show == "wire":
-                return Frame(self._flown.session.wire(recording.cuts[f], recording.views[f]).image)
-            if show in ("reference", "error") and self._flown.yardstick is None:
-                raise InvalidInput(f"image: run {self.name} was not measured, so it has no picture {show!r}")
-            if show == "error":
-                cut, view = recording.cuts[f], recording.views[f]
-                return Frame(self._flown.yardstick.error_picture(self._flown.session, cut, view))
-            if show == "reference":
-                reference = self._flown.yardstick.reference(recording.views[f])
-                if reference is None:
-                    drawn = self._flown.yardstick.metrics == "all"
-                    why = f"above {PICTURE_SAMPLES} samples" if drawn else "metrics='geometry'"
-                    raise InvalidInput(f"image: run {self.name} has no reference ({why})")
-                return Frame(reference.image, reference.depth)
-            drawn = self._flown.session.draw(recording.cuts[f], recording.views[f], show)
-            return Frame(drawn.image, drawn.depth)
-        name = f"{f:06d}.png" if show == "shade" else f"{f:06d}-{show}.png"
-        file = (self.directory or Path()) / "images" / self.name / name
-        if self.directory is None or not file.exists():
-            raise InvalidInput(f"image: run {self.name} wrote no picture {show!r} of frame {f} (fly with images='all')")
-        return Frame(pictures.load(file))
+        if show not in (*SHOWS, "reference", "error"):
+            raise InvalidInput(f"image: show is {show!r}; it is one of {', '.join((*SHOWS, 'reference', 'error'))}")
+        if self._flown is None:
+            written = self._written(f, show)
+            if written is not None:
+                return written
+            if self.directory is None:
+                raise InvalidInput(f"image: run {self.name} is not in this process and has no run directory")
+            from .replays import fly_again
+
+            self._flown = fly_again(self)
+        return self._drawn(self._flown, f, show)
+
+    def _written(self, f: int, show: str) -> Frame | None:
+        """A picture that the run wrote, or None."""
+        if self.directory is None:
+            return None
+        shade = self.directory / "images" / self.name / f"{f:06d}.png"
+        file = shade if show == "shade" else worst_folder(self.directory, self.name) / f"{f:06d}-{show}.png"
+        return Frame(pictures.load(file)) if file.exists() else None
+
+    def _drawn(self, flown: Flown, f: int, show: str) -> Frame:
+        """A frame drawn again from its recorded cut."""
+        cut, view = flown.recording.cuts[f], flown.recording.views[f]
+        if show == "wire":
+            return Frame(flown.session.wire(cut, view).image)
+        if show in ("reference", "error") and flown.yardstick is None:
+            raise InvalidInput(f"image: run {self.name} was not measured, so it has no picture {show!r}")
+        if show == "error":
+            return Frame(flown.yardstick.error_picture(flown.session, cut, view))
+        if show == "reference":
+            reference = flown.yardstick.reference(view)
+            if reference is None:
+                why = f"above {PICTURE_SAMPLES} samples" if flown.yardstick.metrics == "all" else "metrics='geometry'"
+                raise InvalidInput(f"image: run {self.name} has no reference ({why})")
+            return Frame(reference.image, reference.depth)
+        drawn = flown.session.draw(cut, view, show)
+        return Frame(drawn.image, drawn.depth)
+
+    def animation(self, show: str = "shade", fps: float = FPS) -> Animation:
+        """All frames as a moving picture, each as `image` shows it; `.save("run.mp4")` or `.gif` writes it.
+
+        `fps`: frames a second, 1 to 100. Frames are drawn when it is saved or shown.
+        """
+        count = len(self.frames)
+        return Animation(lambda: (self.image(f, show).image for f in range(count)), count, fps)
 
     def __repr__(self) -> str:
         s = self.summary
