@@ -3,7 +3,7 @@
 
 Laws are those of the instrument: bounds are upper bounds, hard budgets are hard, `pixel_error` is
 reached or missed openly, a still camera's cut is fixed, the finest cut is the source where the method
-says so. The slack is the instrument's: four float steps at the distance to the eye, and 0.01 px.
+says so. The slack is the instrument's.
 """
 
 from __future__ import annotations
@@ -26,10 +26,8 @@ from lodlab import _core
 from lodlab.instrument import measure
 from lodlab.instrument.audit import any_cut
 from lodlab.stability import fields
+from lodlab.stability.stage import pixel_slack
 from tests.pictures import assert_same_picture
-
-PIXEL_SLACK = 0.01  # px; with float steps the one slack of the laws
-
 
 FIELDS = {
     "smallest": lambda: np.array([[0.0, 3.0], [1.0, 7.0]]),
@@ -69,11 +67,11 @@ def stored(nodes: np.ndarray, cut: _core.Cut) -> np.ndarray:
 
 
 def float_slack(capture: _core.Capture, view: _core.View) -> float:
-    """Four float steps at the largest distance to the eye, source units."""
+    """The slack of the laws at the largest distance to the eye, source units."""
     if len(capture.triangles) == 0:
         return 0.0
     far = np.linalg.norm(capture.triangles.reshape(-1, 3) - np.asarray(view.eye), axis=1).max()
-    return 4.0 * far * 2.0**-23
+    return _core.world_slack(far)
 
 
 def scratch() -> Path:
@@ -131,13 +129,9 @@ class MethodContract:
             cut = session.select(view, _core.Budget(pixel_error=pixel_error))
             row = made.measure(session, cut, view)
             assert cut.promises_bound
-            assert row["measured_px_max"] <= row["predicted_px"] + PIXEL_SLACK + self.float_pixels(made, view)
+            assert row["measured_px_max"] <= row["predicted_px"] + pixel_slack(view)
             assert row["hole_samples"] == 0
             assert row["capture_mismatch_pixels"] == 0
-
-    def float_pixels(self, made: Measured, view: _core.View) -> float:
-        """Four float steps at the nearest distance that matters project to next to nothing."""
-        return 4.0 * 2.0**-23 * view.size[0] / np.tan(np.radians(view.fov / 2.0))
 
     def test_stored_bounds_hold_node_by_node(self, made: Measured) -> None:
         session, view = made.session(), over(made.field)

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import laws
+from lodlab import _core, laws
 
 GOOD = {
     "run": "a",
@@ -98,13 +98,57 @@ def test_a_claim_that_is_no_number_is_no_promise_kept():
     assert found["error"] == found["pixel_error"] == "broken"
 
 
-@pytest.mark.parametrize("column", ["triangles", "nodes", "predicted_px"])
-def test_a_budget_missed_openly_breaks_nothing(column):
+@pytest.mark.parametrize(
+    ("column", "law"), [("triangles", "budgets"), ("nodes", "budgets"), ("predicted_px", "pixel_error")]
+)
+def test_a_budget_missed_openly_is_neither_held_nor_broken(column, law):
     frames = rows(**{column: 1000.0 if column == "predicted_px" else 1000})
     frames.loc[3:, "budget_met"] = False
     frames["drawn_triangles"] = frames["triangles"]
-    found = verdicts(frames)
-    assert found["budgets"] == found["pixel_error"] == "holds" and found["met"] == "open"
+    found = {v.law: v for v in laws.judge(frames)}
+    other = {"budgets", "pixel_error"} - {law}
+    assert found[law].verdict == found["met"].verdict == "missed" and found[other.pop()].verdict == "holds"
+    assert "missed openly in 2 of 5 frames" in found[law].sentence and "first in a, frame 3" in found[law].sentence
+    frames.loc[4, "budget_met"] = True
+    assert verdicts(frames)[law] == "broken"
+
+
+@pytest.mark.parametrize("law", ["capture", "holes", "winding", "fillers", "raised"])
+def test_what_is_nan_does_not_hold(law):
+    column = next(entry.columns[0] for entry in laws.LAWS if entry.name == law)
+    frames = rows(**{column: np.nan})
+    (some,) = [v for v in laws.judge(frames) if v.law == law]
+    assert some.verdict == "holds" and f"(3 frames; {column} was not decided in 2)" in some.sentence
+    frames[column] = np.nan
+    (none,) = [v for v in laws.judge(frames) if v.law == law]
+    assert none.verdict == "open" and "not decided" in none.sentence
+    frames[column] = np.inf
+    assert verdicts(frames)[law] == "broken"
+
+
+def test_cracks_that_were_not_decided_are_not_none():
+    frames = rows(crack_pixels=np.nan)
+    (some,) = [v for v in laws.judge(frames) if v.law == "cracks"]
+    assert some.verdict == "holds" and "(3 frames; crack_pixels was not decided in 2)" in some.sentence
+    frames["crack_pixels"] = np.nan
+    assert verdicts(frames)["cracks"] == "open"
+
+
+def test_a_baseline_that_was_not_looked_at_does_not_measure_zero():
+    frames = rows()
+    frames[["method", "measured_px_max", "crack_pixels"]] = ["full", 0.0, np.nan]
+    (some,) = [v for v in laws.judge(frames) if v.law == "baseline"]
+    assert some.verdict == "holds" and "crack_pixels not decided" in some.sentence
+    assert "no crack pixels" not in some.sentence
+    frames["measured_px_max"] = np.nan
+    assert verdicts(frames)["baseline"] == "open"
+
+
+def test_the_slack_is_the_cores(monkeypatch):
+    monkeypatch.setattr(_core, "SLACK_PIXELS", 0.2)
+    assert verdicts(rows(measured_px_max=2.2))["error"] == "holds"
+    monkeypatch.setattr(_core, "world_slack", lambda distance: distance)
+    assert verdicts(rows(measured_px_max=1000.0))["error"] == "holds"
 
 
 def test_cracks_are_told_and_never_broken():

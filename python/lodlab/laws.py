@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """The laws that a run's rows can show, one row each in LAWS, and what `judge` says of them.
 
-A law is `holds`, `broken` (the first frame that breaks it is named) or `open`: it was not put to the test,
-or it is a figure that some options show on purpose (cracks, missed budgets). The only slack is the
-instrument's: four float steps at the distance to the eye, and a hundredth of a pixel.
+A law is `holds`; `missed`: not reached in some frames, each of which says so; `broken` (the first frame that breaks
+it is named); or `open`: not put to the test, not decided (nan), or a figure that some options show on purpose
+(cracks). The only slack is the instrument's, from the core: float steps at the distance to the eye, and a hundredth
+of a pixel.
 """
 
 from __future__ import annotations
@@ -15,16 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from . import _core
 from .charts import BASELINE
 from .figures import number
 
-SLACK_PX = 0.01  # beside four float steps at the distance to the eye
-HOLDS, BROKEN, OPEN = "holds", "broken", "open"
+HOLDS, MISSED, BROKEN, OPEN = "holds", "missed", "broken", "open"
+
+Found = tuple[str, str]  # verdict, sentence
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the rows say of one law: `holds`, `broken` or `open`, and a sentence with the figures."""
+    """What the rows say of one law: `holds`, `missed`, `broken` or `open`, and a sentence with the figures."""
 
     law: str
     verdict: str
@@ -39,7 +42,7 @@ class Law:
     name: str
     text: str
     columns: tuple[str, ...]
-    of: Callable[[Any, float], tuple[str, str] | None]
+    of: Callable[[Any, float], Found | None]
     measured: bool = True
 
 
@@ -50,7 +53,7 @@ def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
     concerns is left out; one whose columns an older version did not write is open.
     """
     pixels_per_unit = width / (2.0 * math.tan(math.radians(fov) / 2.0))
-    slack = SLACK_PX + 4.0 * float(np.finfo(np.float32).eps) * pixels_per_unit
+    slack = _core.SLACK_PIXELS + pixels_per_unit * _core.world_slack(1.0)
     measured = frames[frames["accuracy"]]
     out = []
     for law in LAWS:
@@ -64,21 +67,37 @@ def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
     return out
 
 
-def _verdict(text: str, bad: Any, what: Callable[[Any], str]) -> tuple[str, str]:
+def _verdict(text: str, bad: Any, what: Callable[[Any], str]) -> Found:
     if not len(bad):
         return HOLDS, text + "."
     row = bad.iloc[0]
     return BROKEN, f"{text}: not in {len(bad)}, first in {row['run']}, frame {row['frame']} ({what(row)})."
 
 
+def _reached(text: str, rows: Any, within: Any, what: Callable[[Any], str]) -> Found:
+    """A budget's verdict: broken where a frame that is not `within` says that it is; else missed openly, or held."""
+    bad, open_ = rows[~within & rows["budget_met"]], rows[~within & ~rows["budget_met"]]
+    if len(bad) or not len(open_):
+        return _verdict(f"{text} ({len(rows)} frames)", bad, what)
+    worst = open_.iloc[0]
+    where = f"first in {worst['run']}, frame {worst['frame']} ({what(worst)})"
+    return MISSED, f"{text}: missed openly in {len(open_)} of {len(rows)} frames, each of which says so, {where}."
+
+
+def _undecided(rows: Any, *columns: str) -> str:
+    """What a sentence adds for columns that are nan in some rows."""
+    counts = {column: int(rows[column].isna().sum()) for column in columns}
+    return "".join(f"; {column} was not decided in {count}" for column, count in counts.items() if count)
+
+
 def _count(row: Any, column: str) -> str:
-    return number(int(row[column]))
+    return number(int(row[column])) if math.isfinite(row[column]) else number(row[column])
 
 
-def _error(measured: Any, slack: float) -> tuple[str, str]:
+def _error(measured: Any, slack: float) -> Found:
     rows = measured[measured["promises_bound"] & measured["measured_px_max"].notna()]
     if not len(rows):
-        return OPEN, "No measured frame promises a bound."
+        return OPEN, "No measured frame that sees the source promises a bound."
     bad = rows[~(rows["measured_px_max"] <= rows["predicted_px"] + slack)]  # a nan promises nothing
     ratio = (rows["measured_px_max"] / rows["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
     tight = f"; in the median it is {100 * ratio.median():.0f} % of it" if len(ratio) else ""
@@ -86,29 +105,32 @@ def _error(measured: Any, slack: float) -> tuple[str, str]:
     return _verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} over {number(r['predicted_px'])} px")
 
 
-def _budgets(frames: Any, slack: float) -> tuple[str, str]:
+def _budgets(frames: Any, slack: float) -> Found:
+    names = ("triangles", "nodes")
     rows = frames[frames["budget_triangles"].notna() | frames["budget_nodes"].notna()]
     if not len(rows):
         return OPEN, "No hard budget (triangles, nodes) was set."
-    over = (rows["triangles"] > rows["budget_triangles"]) | (rows["nodes"] > rows["budget_nodes"])
-    bad = rows[over & rows["budget_met"]]
-    text = f"Triangles and nodes stay within their budgets ({len(rows)} frames)"
-    return _verdict(text, bad, lambda r: f"{_count(r, 'triangles')} triangles, {_count(r, 'nodes')} nodes")
+    triangles, nodes = (rows[f"budget_{n}"].isna() | (rows[n] <= rows[f"budget_{n}"]) for n in names)
+
+    def what(row: Any) -> str:
+        return f"{_count(row, 'triangles')} triangles, {_count(row, 'nodes')} nodes"
+
+    return _reached("Triangles and nodes stay within their budgets", rows, triangles & nodes, what)
 
 
-def _pixel_error(frames: Any, slack: float) -> tuple[str, str] | None:
+def _pixel_error(frames: Any, slack: float) -> Found | None:
     """No slack: a method compares the very numbers that stand in the row."""
     rows = frames[frames["budget_pixel_error"].notna()]
     if not len(rows):
         return None
-    bad = rows[~(rows["predicted_px"] <= rows["budget_pixel_error"]) & rows["budget_met"]]
-    text = f"The error budget is reached, or missed openly ({len(rows)} frames)"
-    return _verdict(
-        text, bad, lambda r: f"{number(r['predicted_px'])} px predicted under {number(r['budget_pixel_error'])} px"
-    )
+
+    def what(row: Any) -> str:
+        return f"{number(row['predicted_px'])} px predicted under {number(row['budget_pixel_error'])} px"
+
+    return _reached("The error budget is reached", rows, rows["predicted_px"] <= rows["budget_pixel_error"], what)
 
 
-def _counts(measured: Any, slack: float) -> tuple[str, str] | None:
+def _counts(measured: Any, slack: float) -> Found | None:
     """The method counts what it submits, in every frame; the GPU counts in those that are measured."""
     rows = measured[measured["drawn_triangles"].notna()]
     if not len(rows):
@@ -118,38 +140,57 @@ def _counts(measured: Any, slack: float) -> tuple[str, str] | None:
     return _verdict(text, bad, lambda r: f"{_count(r, 'triangles')} reported, {_count(r, 'drawn_triangles')} counted")
 
 
-def _met(frames: Any, slack: float) -> tuple[str, str]:
+def _met(frames: Any, slack: float) -> Found:
     missed = frames[~frames["budget_met"]]
     if not len(missed):
         return HOLDS, f"Every frame met its budget ({len(frames)} frames)."
     names = ", ".join(missed["run"].unique())
-    return OPEN, f"{len(missed)} of {len(frames)} frames say that they did not meet their budget: {names}."
+    return MISSED, f"{len(missed)} of {len(frames)} frames say that they did not meet their budget: {names}."
 
 
-def _baseline(measured: Any, slack: float) -> tuple[str, str] | None:
+#: What drawing everything measures 0 of, but for the slack, and how a sentence says it.
+_NOTHING = {
+    "measured_px_max": "zero error",
+    "crack_edges": "no crack edges",
+    "crack_pixels": "no crack pixels",
+    "pop_px_max": "no pops",
+}
+
+
+def _baseline(measured: Any, slack: float) -> Found | None:
     full = measured[measured["method"] == BASELINE]
     if not len(full):
         return None
-    off = (full["measured_px_max"] > slack) | (full["crack_edges"] > 0) | (full["crack_pixels"] > 0)
-    if "pop_px_max" in full:
-        off |= full["pop_px_max"] > slack
-    text = f"Drawing everything measures zero error, zero cracks and no pops ({len(full)} frames)"
-    return _verdict(text, full[off], lambda r: f"{number(r['measured_px_max'])} px")
+    known = {c: text for c, text in _NOTHING.items() if c in full and full[c].notna().any()}
+    if "measured_px_max" not in known:
+        return OPEN, f"Drawing everything measures zero: no measured frame saw the source ({len(full)} frames)."
+    off = np.logical_or.reduce([full[c] > (slack if c.endswith("_px_max") else 0) for c in known])
+    unknown = ", ".join(c for c in _NOTHING if c not in known)
+    text = f"Drawing everything measures {', '.join(known.values())} ({len(full)} frames"
+    text += f"; {unknown} not decided)" if unknown else f"{_undecided(full, 'measured_px_max', 'crack_pixels')})"
+
+    def what(row: Any) -> str:
+        return ", ".join(f"{c} {number(row[c])}" for c in known if row[c] > 0)
+
+    return _verdict(text, full[off], what)
 
 
-def _none_of(column: str, text: str, what: str) -> Callable[[Any, float], tuple[str, str] | None]:
-    """The law that a column is 0 in every measured frame."""
+def _none_of(column: str, text: str, what: str) -> Callable[[Any, float], Found | None]:
+    """The law that a column is 0 in every measured frame where it is known."""
 
-    def of(measured: Any, slack: float) -> tuple[str, str] | None:
+    def of(measured: Any, slack: float) -> Found | None:
         if not len(measured):
             return None
-        sentence = f"{text} ({len(measured)} frames)"
-        return _verdict(sentence, measured[measured[column] > 0], lambda r: f"{_count(r, column)} {what}")
+        rows = measured[measured[column].notna()]
+        if not len(rows):
+            return OPEN, f"{text}: not decided, {column} is nan in all {len(measured)} frames."
+        sentence = f"{text} ({len(rows)} frames{_undecided(measured, column)})"
+        return _verdict(sentence, rows[~(rows[column] == 0)], lambda r: f"{_count(r, column)} {what}")
 
     return of
 
 
-def _still(measured: Any, slack: float) -> tuple[str, str] | None:
+def _still(measured: Any, slack: float) -> Found | None:
     """Adaptation and paging may take k frames; a surface that still moves in the last frame never comes to rest."""
     rows = measured[(measured["path"] == "still") & measured["pop_px_max"].notna()]
     if not len(rows):
@@ -163,19 +204,20 @@ def _still(measured: Any, slack: float) -> tuple[str, str] | None:
     return _verdict(text, bad, lambda r: f"it still jumps by {number(r['pop_px_max'])} px")
 
 
-def _cracks(measured: Any, slack: float) -> tuple[str, str] | None:
+def _cracks(measured: Any, slack: float) -> Found | None:
     """Cracks are measured, not forbidden: some options show them on purpose."""
     if not len(measured):
         return None
     rows = measured[measured["crack_pixels"].notna()]
     bad = rows[rows["crack_pixels"] > 0]
     if not len(rows):
-        return OPEN, "No frame was looked at for cracks."
+        return OPEN, "No frame could be looked at for cracks."
+    rest = _undecided(measured, "crack_pixels")
     if not len(bad):
-        return HOLDS, f"No picture shows a crack ({len(rows)} frames)."
+        return HOLDS, f"No picture shows a crack ({len(rows)} frames{rest})."
     worst = bad.loc[bad["crack_pixels"].idxmax()]
     where = f"most in {worst['run']}, frame {worst['frame']}: {_count(worst, 'crack_pixels')} pixels"
-    return OPEN, f"{len(bad)} of {len(rows)} pictures show cracks, {where}."
+    return OPEN, f"{len(bad)} of {len(rows)} pictures show cracks, {where}{rest}."
 
 
 _CAPTURE = "The captured triangles are the ones that were drawn, depth compared"
@@ -195,7 +237,7 @@ LAWS: tuple[Law, ...] = (
     ),
     Law(
         "pixel_error",
-        "The error budget is reached, or missed openly",
+        "The error budget is reached",
         ("budget_pixel_error", "predicted_px"),
         _pixel_error,
         measured=False,

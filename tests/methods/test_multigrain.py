@@ -69,7 +69,7 @@ def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]
         assert (found.crack_edges, found.crack_pixels, found.capture_mismatch_pixels) == (0, 0, 0)
         assert cut.promises_bound
         seen = found.measured_px_max
-        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
+        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 640
         if cut.budget_met:
             assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
 
@@ -165,7 +165,7 @@ def test_what_is_seen_through_an_opening_of_a_globe_or_from_under_its_ground_is_
         cut = session.select(view, _core.Budget(**budget))
         found = instrument.examine(session, cut, view, reference)
         assert found.capture_mismatch_pixels == 0
-        assert not found.measured_px_max > cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 200
+        assert not found.measured_px_max > cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 200
         assert (np.isfinite(session.draw(cut, view).depth) != seen).sum() < 0.02 * seen.sum()
 
 
@@ -185,7 +185,7 @@ def test_a_patch_of_a_planet_has_no_gap_along_its_border_at_any_budget(degrees, 
         cut, row = session.time_frame(view, _core.Budget(**budget))
         found = instrument.examine(session, cut, view, reference)
         assert (found.hole_samples, found.crack_edges, found.capture_mismatch_pixels) == (0, 0, 0)
-        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 200
+        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 200
         assert cut.budget_met and row["triangles"] == found.drawn_triangles == cut.triangles
         assert row["triangles"] <= budget.get("triangles", np.inf)
 
@@ -305,7 +305,7 @@ def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small
         found = instrument.examine(session, cut, view, pictures=False)
         assert (found.crack_edges, found.hole_samples) == (0, 0)
         seen = found.measured_px_max
-        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
+        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 640
     assert uploads > 1.5 * (1 << 20)  # more than there is room for: tiles went again
 
 
@@ -323,7 +323,7 @@ def test_small_caches_are_hard_limits_on_planets_too(earth, tmp_path) -> None:
             assert row["resident_bytes"] <= 3 << 20
         found = instrument.examine(session, cut, view, pictures=False)
         assert (found.crack_edges, found.hole_samples) == (0, 0)
-        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 480
+        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 480
     assert uploads > 2 * (3 << 20)  # more than there is room for: tiles went again
 
 

@@ -74,7 +74,7 @@ def test_flights_keep_their_budgets_without_cracks(lab: Lab, budget: dict[str, f
         assert (found.crack_edges, found.crack_pixels, found.capture_mismatch_pixels) == (0, 0, 0)
         assert cut.promises_bound
         seen = found.measured_px_max
-        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
+        assert np.isnan(seen) or seen <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 640
         if cut.budget_met:
             assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
         if "pixel_error" in budget and len(budget) == 1:
@@ -219,7 +219,7 @@ def test_parents_stand_in_for_what_is_missing_without_cracks(lab: Lab) -> None:
         cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0))
         found = lab.examine(session, cut, view)
         assert (found.crack_edges, found.hole_samples, found.capture_mismatch_pixels) == (0, 0, 0)
-        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + 4 * 2.0**-23 * 640
+        assert found.measured_px_max <= cut.predicted_px + _core.SLACK_PIXELS + _core.world_slack(1.0) * 640
         misses += row["page_misses"]
     assert misses > 0
     budget = _core.Budget(pixel_error=1.0, triangles=20_000)
