@@ -25,8 +25,8 @@ import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
 from lodlab.instrument.audit import any_cut
+from lodlab.metrics import pixel_slack
 from lodlab.stability import fields
-from lodlab.stability.stage import pixel_slack
 from tests.pictures import assert_same_picture
 
 FIELDS = {

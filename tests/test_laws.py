@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import _core, laws
+from lodlab import _core, cli, laws, metrics
 
 GOOD = {
     "run": "a",
     "method": "chunked",
     "path": "still",
+    "stream": False,
     "budget_pixel_error": 2.0,
     "budget_triangles": 100.0,
     "budget_nodes": 10.0,
@@ -61,7 +64,6 @@ def test_every_law_holds_where_nothing_is_wrong():
     ("law", "column", "value", "text"),
     [
         ("error", "measured_px_max", 2.1, "2.10 over 2.00 px"),
-        ("error", "measured_px_max", np.inf, "∞ over"),
         ("budgets", "nodes", 11, "11 nodes"),
         ("pixel_error", "budget_pixel_error", 1.999, "2.00 px predicted under 2.00 px"),
         ("capture", "capture_mismatch_pixels", 7.0, "7 pixels differ"),
@@ -79,6 +81,27 @@ def test_a_law_breaks_alone_and_says_where(law, column, value, text):
     assert [v.law for v in broken] == [law]
     assert text in broken[0].sentence and f"frame {4 if law == 'still' else 3}" in broken[0].sentence
     assert law not in {v.law for v in laws.judge(frames.iloc[:3]) if v.verdict == "broken"}
+
+
+def test_an_infinite_error_breaks_a_law_though_nothing_was_promised():
+    frames = rows(measured_px_max=np.inf)
+    assert {law for law, verdict in verdicts(frames).items() if verdict == "broken"} == {"error", "finite"}
+    frames["promises_bound"] = False
+    (broken,) = [v for v in laws.judge(frames) if v.verdict == "broken"]
+    assert broken.law == "finite" and "first in a, frame 3" in broken.sentence and broken.runs == ("a",)
+
+
+def test_every_run_that_breaks_a_law_is_known_by_name():
+    frames = pd.concat([rows().assign(run="good"), rows(hole_samples=1), rows(hole_samples=2).assign(run="b")])
+    assert laws.broken_by_run(laws.judge(frames)) == {"a": ["holes"], "b": ["holes"]}
+
+
+def test_a_rows_own_slack_counts():
+    frames = rows(measured_px_max=2.5).assign(slack_px=0.6)
+    assert verdicts(frames)["error"] == "holds"
+    frames.loc[4, "slack_px"] = 0.4
+    (broken,) = [v for v in laws.judge(frames) if v.verdict == "broken"]
+    assert "frame 4" in broken.sentence
 
 
 def test_a_budget_of_triangles_breaks_too():
@@ -147,7 +170,7 @@ def test_a_baseline_that_was_not_looked_at_does_not_measure_zero():
 def test_the_slack_is_the_cores(monkeypatch):
     monkeypatch.setattr(_core, "SLACK_PIXELS", 0.2)
     assert verdicts(rows(measured_px_max=2.2))["error"] == "holds"
-    monkeypatch.setattr(_core, "world_slack", lambda distance: distance)
+    monkeypatch.setattr(_core, "world_slack", lambda distance: distance)  # a unit is 1108 pixels at a unit's distance
     assert verdicts(rows(measured_px_max=1000.0))["error"] == "holds"
 
 
@@ -162,6 +185,8 @@ def test_a_still_camera_may_take_frames_to_settle():
     frames.loc[4, "pop_px_max"] = 0.0
     (still,) = [v for v in laws.judge(frames) if v.law == "still"]
     assert still.verdict == "holds" and "after 4 frames" in still.sentence
+    assert verdicts(rows(pop_px_max=0.5))["still"] == "broken"
+    assert verdicts(rows(pop_px_max=0.5).assign(stream=True))["still"] == "open", "data may yet be on its way"
     frames["path"] = "flyover"
     assert "still" not in verdicts(frames)
 
@@ -191,17 +216,73 @@ def test_rows_of_an_older_version_leave_laws_open():
     assert "inverted_triangles" in found["winding"].sentence
 
 
-def test_real_runs_keep_the_laws(tmp_path):
-    config = {
-        "sources": ["fractal:size=65,seed=3"],
-        "frames": 3,
-        "size": [96, 64],
-        "accuracy_frames": 2,
-        "pixel_errors": [4.0],
-        "images": "none",
-        "methods": [{"name": "full"}, {"name": "chunked", "options": {"leaf": 16, "chunk_triangles": 128}}],
-    }
-    frames = lod.sweep(config, out=tmp_path / "run", progress=False).frames
+CONFIG = {
+    "sources": ["fractal:size=65,seed=3"],
+    "frames": 3,
+    "size": [96, 64],
+    "accuracy_frames": 2,
+    "pixel_errors": [4.0],
+    "images": "none",
+    "methods": [{"name": "full"}, {"name": "chunked", "options": {"leaf": 16, "chunk_triangles": 128}}],
+}
+
+
+@pytest.fixture
+def with_holes(monkeypatch):
+    """Metrics of every method but full say that a sample is not covered, and its error infinite."""
+
+    def worse(metric, value):
+        def of(measurement):
+            return value if measurement.predicted_px > 0.0 else metric.of(measurement)
+
+        return metrics.Metric(metric.name, metric.unit, metric.text, of)
+
+    values = {"hole_samples": 1, "measured_px_max": np.inf}
+    torn = [worse(m, values[m.name]) if m.name in values else m for m in metrics.METRICS]
+    monkeypatch.setattr(metrics, "METRICS", tuple(torn))
+
+
+def test_a_sweep_that_breaks_promises_says_so_after_its_results_are_written(tmp_path, with_holes):
+    out = tmp_path / "run"
+    with pytest.warns(lod.errors.BrokenPromise) as told:
+        result = lod.sweep(CONFIG, out=out, progress=False)
+    said = [str(w.message) for w in told if w.category is lod.errors.BrokenPromise]
+    assert len(said) == 3, said
+    assert all("chunked-px4" in text and "frame 0" in text for text in said)
+    assert any(text.startswith("law holes: ") for text in said)
+    assert set(lod.Sweep.load(out).runs) == set(result.runs) == {"full", "chunked-px4"}
+    (row,) = re.findall(r'<tr class="broken" title="breaks: ([^"]*)"><td>([^<]*)', (out / "report.html").read_text())
+    assert row == ("error, finite, holes", "chunked-px4")
+
+
+def test_the_command_line_ends_with_status_1_after_a_broken_promise(tmp_path, capsys, with_holes):
+    store, out = tmp_path / "a.lod", tmp_path / "run"
+    assert cli.run(["build", CONFIG["sources"][0], "chunked", str(store), "-o", "leaf=16"]) == 0
+    fly = ["fly", str(store), "--out", str(out), "--pixel-error", "4", "--frames", "2", "--size", "96x64"]
+    for _ in range(2):  # once more: the run is there, and is read
+        capsys.readouterr()
+        assert cli.run([*fly, "--accuracy-frames", "1", "--images", "none"]) == 1
+        said = capsys.readouterr()
+        assert "error: law holes: " in said.err and "first in chunked-px4, frame 0 (1 samples uncovered)" in said.err
+        assert f"report: {out / 'report.html'}" in said.out
+    assert lod.Sweep.load(out).runs == ["chunked-px4"]
+    compare = [
+        "compare",
+        CONFIG["sources"][0],
+        "--methods",
+        "chunked",
+        "--out",
+        str(tmp_path / "both"),
+        "--frames",
+        "1",
+    ]
+    assert cli.run([*compare, "--size", "96x64", "--pixel-errors", "4", "--images", "none"]) == 1
+    assert cli.run(["sweep", str(tmp_path / "both" / "config.toml"), "--out", str(tmp_path / "again")]) == 1
+
+
+def test_real_runs_keep_the_laws(tmp_path, recwarn):
+    frames = lod.sweep(CONFIG, out=tmp_path / "run", progress=False).frames
+    assert not [w for w in recwarn if w.category is lod.errors.BrokenPromise]
     found = {v.law: v.verdict for v in laws.judge(frames, 96)}
     assert set(found.values()) <= {"holds", "open"}
     assert {"error", "baseline", "capture", "holes"} <= {law for law, verdict in found.items() if verdict == "holds"}

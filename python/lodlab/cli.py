@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The command line: a thin layer over the Python face. Exit status: 0 done; 1 something failed or a check did
-not hold; 2 the user's mistake; 130 stopped by Ctrl-C. `LODLAB_DEBUG=1` shows the traceback of any error.
+"""The command line: a thin layer over the Python face. Exit status: 0 done; 1 something failed, a check did not
+hold, or a run broke a promise (its results are there); 2 the user's mistake; 130 stopped by Ctrl-C. `LODLAB_DEBUG=1`
+shows the traceback of any error.
 
 Longer than other files because every command declares its arguments here, each on its line.
 """
@@ -50,7 +51,7 @@ from .arguments import (
     print_table,
     size_of,
 )
-from .errors import GLError, InvalidInput, StoreError, Unsupported
+from .errors import BrokenPromise, GLError, InvalidInput, StoreError, Unsupported
 
 app = typer.Typer(
     name="lodlab",
@@ -598,16 +599,21 @@ def status_of(error: BaseException) -> tuple[int, str]:
     return 1, f"{type(error).__name__}: {error} (LODLAB_DEBUG=1 shows where)"
 
 
-def warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    """A warning as one line, without the code that it came from."""
-    print("warning: " + " ".join(str(message).split()), file=sys.stderr)
-
-
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line and returns its exit status."""
+    """Runs the command line and returns its exit status: 1 where all went well but a run broke a promise."""
+    broken = False
+
+    def warn(message: Warning | str, *_: Any, **__: Any) -> None:
+        """A warning as one line, without the code that it came from."""
+        nonlocal broken
+        promise = isinstance(message, BrokenPromise)
+        broken = broken or promise
+        print(("error: " if promise else "warning: ") + " ".join(str(message).split()), file=sys.stderr)
+
     with warnings.catch_warnings():
         warnings.showwarning = warn
-        return _run(arguments)
+        warnings.simplefilter("always", BrokenPromise)
+        return _run(arguments) or int(broken)
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -60,6 +60,7 @@ EXTRAS: tuple[Column, ...] = (
     Column("accuracy", FLAG, "The frame was measured; accuracy columns of others are nan, but for predicted_px."),
     Column("gpu_clock", TEXT, "Clock of gpu_ms: query (GL_TIME_ELAPSED) or wall (first GL call to glFinish)."),
     Column("filler_triangles", "count", "Triangles that only hide cracks, of the visible nodes."),
+    Column("slack_px", "px", "What laws allow beside a bound in this view: 0.01 px and the rounding of positions."),
 )  # fmt: skip
 OF_RUNS: tuple[Column, ...] = (
     Column("store_bytes", "bytes", "Size of the store."),

@@ -10,7 +10,8 @@ of a pixel.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,42 +19,46 @@ import numpy as np
 
 from . import _core
 from .charts import BASELINE
+from .errors import BrokenPromise
 from .figures import number
 
 HOLDS, MISSED, BROKEN, OPEN = "holds", "missed", "broken", "open"
 
-Found = tuple[str, str]  # verdict, sentence
+Found = tuple[str, str] | tuple[str, str, tuple[str, ...]]  # verdict, sentence, and the runs that break it
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the rows say of one law: `holds`, `missed`, `broken` or `open`, and a sentence with the figures."""
+    """What the rows say of one law: `holds`, `missed`, `broken` or `open`, a sentence with the figures, and the
+    names of the runs that break it."""
 
     law: str
     verdict: str
     sentence: str
+    runs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Law:
-    """One law. `of(frames, slack)` returns (verdict, sentence), or None where no row concerns it; `slack` is
-    in pixels. `columns`: what it cannot do without. `measured`: it sees the rows that the instrument measured."""
+    """One law. `of(frames)` returns (verdict, sentence, runs that break it), or None where no row concerns it.
+    `columns`: what it cannot do without. `measured`: it sees the rows that the instrument measured."""
 
     name: str
     text: str
     columns: tuple[str, ...]
-    of: Callable[[Any, float], Found | None]
+    of: Callable[[Any], Found | None]
     measured: bool = True
 
 
 def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
     """The verdict of every law on the rows of `frames.csv` (a DataFrame of one run or several).
 
-    `width` (pixels) and `fov` (degrees) of the viewport turn float steps into pixels. A law that no row
-    concerns is left out; one whose columns an older version did not write is open.
+    A law that no row concerns is left out; one whose columns an older version did not write is open. `width` (pixels)
+    and `fov` (degrees) of the viewport turn float steps into pixels where such a version wrote no `slack_px`.
     """
     pixels_per_unit = width / (2.0 * math.tan(math.radians(fov) / 2.0))
-    slack = _core.SLACK_PIXELS + pixels_per_unit * _core.world_slack(1.0)
+    usual = _core.SLACK_PIXELS + pixels_per_unit * _core.world_slack(1.0)
+    frames = frames.assign(slack_px=frames["slack_px"].fillna(usual) if "slack_px" in frames else usual)
     measured = frames[frames["accuracy"]]
     out = []
     for law in LAWS:
@@ -61,9 +66,25 @@ def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
         if missing:
             out.append(Verdict(law.name, OPEN, f"{law.text}: these rows have no column {', '.join(missing)}."))
             continue
-        found = law.of(measured if law.measured else frames, slack)
+        found = law.of(measured if law.measured else frames)
         if found is not None:
             out.append(Verdict(law.name, *found))
+    return out
+
+
+def tell_broken(frames: Any) -> None:
+    """Warns of every law that rows of `frames.csv` break: a BrokenPromise each, with run, frame and figures."""
+    for verdict in judge(frames):
+        if verdict.verdict == BROKEN:
+            warnings.warn(f"law {verdict.law}: {verdict.sentence}", BrokenPromise, stacklevel=3)
+
+
+def broken_by_run(verdicts: Iterable[Verdict]) -> dict[str, list[str]]:
+    """The names of the laws that each run breaks."""
+    out: dict[str, list[str]] = {}
+    for verdict in verdicts:
+        for run in verdict.runs:
+            out.setdefault(run, []).append(verdict.law)
     return out
 
 
@@ -71,7 +92,8 @@ def _verdict(text: str, bad: Any, what: Callable[[Any], str]) -> Found:
     if not len(bad):
         return HOLDS, text + "."
     row = bad.iloc[0]
-    return BROKEN, f"{text}: not in {len(bad)}, first in {row['run']}, frame {row['frame']} ({what(row)})."
+    sentence = f"{text}: not in {len(bad)}, first in {row['run']}, frame {row['frame']} ({what(row)})."
+    return BROKEN, sentence, tuple(bad["run"].unique())
 
 
 def _reached(text: str, rows: Any, within: Any, what: Callable[[Any], str]) -> Found:
@@ -94,18 +116,26 @@ def _count(row: Any, column: str) -> str:
     return number(int(row[column])) if math.isfinite(row[column]) else number(row[column])
 
 
-def _error(measured: Any, slack: float) -> Found:
+def _error(measured: Any) -> Found:
     rows = measured[measured["promises_bound"] & measured["measured_px_max"].notna()]
     if not len(rows):
         return OPEN, "No measured frame that sees the source promises a bound."
-    bad = rows[~(rows["measured_px_max"] <= rows["predicted_px"] + slack)]  # a nan promises nothing
+    bad = rows[~(rows["measured_px_max"] <= rows["predicted_px"] + rows["slack_px"])]  # a nan promises nothing
     ratio = (rows["measured_px_max"] / rows["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
     tight = f"; in the median it is {100 * ratio.median():.0f} % of it" if len(ratio) else ""
     text = f"The measured error stays within the predicted one in all {len(rows)} frames that promise it{tight}"
     return _verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} over {number(r['predicted_px'])} px")
 
 
-def _budgets(frames: Any, slack: float) -> Found:
+def _finite(measured: Any) -> Found | None:
+    rows = measured[measured["measured_px_max"].notna()]
+    if not len(rows):
+        return None
+    text = f"Every measured error is finite ({len(rows)} frames)"
+    return _verdict(text, rows[np.isinf(rows["measured_px_max"])], lambda r: f"{_count(r, 'hole_samples')} holes")
+
+
+def _budgets(frames: Any) -> Found:
     names = ("triangles", "nodes")
     rows = frames[frames["budget_triangles"].notna() | frames["budget_nodes"].notna()]
     if not len(rows):
@@ -118,7 +148,7 @@ def _budgets(frames: Any, slack: float) -> Found:
     return _reached("Triangles and nodes stay within their budgets", rows, triangles & nodes, what)
 
 
-def _pixel_error(frames: Any, slack: float) -> Found | None:
+def _pixel_error(frames: Any) -> Found | None:
     """No slack: a method compares the very numbers that stand in the row."""
     rows = frames[frames["budget_pixel_error"].notna()]
     if not len(rows):
@@ -130,7 +160,7 @@ def _pixel_error(frames: Any, slack: float) -> Found | None:
     return _reached("The error budget is reached", rows, rows["predicted_px"] <= rows["budget_pixel_error"], what)
 
 
-def _counts(measured: Any, slack: float) -> Found | None:
+def _counts(measured: Any) -> Found | None:
     """The method counts what it submits, in every frame; the GPU counts in those that are measured."""
     rows = measured[measured["drawn_triangles"].notna()]
     if not len(rows):
@@ -140,7 +170,7 @@ def _counts(measured: Any, slack: float) -> Found | None:
     return _verdict(text, bad, lambda r: f"{_count(r, 'triangles')} reported, {_count(r, 'drawn_triangles')} counted")
 
 
-def _met(frames: Any, slack: float) -> Found:
+def _met(frames: Any) -> Found:
     missed = frames[~frames["budget_met"]]
     if not len(missed):
         return HOLDS, f"Every frame met its budget ({len(frames)} frames)."
@@ -157,14 +187,14 @@ _NOTHING = {
 }
 
 
-def _baseline(measured: Any, slack: float) -> Found | None:
+def _baseline(measured: Any) -> Found | None:
     full = measured[measured["method"] == BASELINE]
     if not len(full):
         return None
     known = {c: text for c, text in _NOTHING.items() if c in full and full[c].notna().any()}
     if "measured_px_max" not in known:
         return OPEN, f"Drawing everything measures zero: no measured frame saw the source ({len(full)} frames)."
-    off = np.logical_or.reduce([full[c] > (slack if c.endswith("_px_max") else 0) for c in known])
+    off = np.logical_or.reduce([full[c] > (full["slack_px"] if c.endswith("_px_max") else 0) for c in known])
     unknown = ", ".join(c for c in _NOTHING if c not in known)
     text = f"Drawing everything measures {', '.join(known.values())} ({len(full)} frames"
     text += f"; {unknown} not decided)" if unknown else f"{_undecided(full, 'measured_px_max', 'crack_pixels')})"
@@ -175,10 +205,10 @@ def _baseline(measured: Any, slack: float) -> Found | None:
     return _verdict(text, full[off], what)
 
 
-def _none_of(column: str, text: str, what: str) -> Callable[[Any, float], Found | None]:
+def _none_of(column: str, text: str, what: str) -> Callable[[Any], Found | None]:
     """The law that a column is 0 in every measured frame where it is known."""
 
-    def of(measured: Any, slack: float) -> Found | None:
+    def of(measured: Any) -> Found | None:
         if not len(measured):
             return None
         rows = measured[measured[column].notna()]
@@ -190,21 +220,25 @@ def _none_of(column: str, text: str, what: str) -> Callable[[Any, float], Found 
     return of
 
 
-def _still(measured: Any, slack: float) -> Found | None:
-    """Adaptation and paging may take k frames; a surface that still moves in the last frame never comes to rest."""
+def _still(measured: Any) -> Found | None:
+    """Adaptation and paging may take k frames; a surface that still moves in the last frame never comes to rest, but
+    for one whose data may yet be on its way."""
     rows = measured[(measured["path"] == "still") & measured["pop_px_max"].notna()]
     if not len(rows):
         return None
     last = rows.loc[rows.groupby("run")["frame"].idxmax()]
-    moving = rows[rows["pop_px_max"] > slack]
+    moving = rows[rows["pop_px_max"] > rows["slack_px"]]
     settled = int(moving["frame"].max()) + 1 if len(moving) else 0
     text = f"Under a still camera the surface comes to rest ({rows['run'].nunique()} runs"
-    bad = last[last["pop_px_max"] > slack]
+    late = last[last["pop_px_max"] > last["slack_px"]]
+    bad = late[~late["stream"]]
+    if len(late) and not len(bad):
+        return OPEN, f"{text}): not decided, data was read until the last frame of {', '.join(late['run'])}."
     text += ")" if len(bad) else f", after {settled} frames at most)"
     return _verdict(text, bad, lambda r: f"it still jumps by {number(r['pop_px_max'])} px")
 
 
-def _cracks(measured: Any, slack: float) -> Found | None:
+def _cracks(measured: Any) -> Found | None:
     """Cracks are measured, not forbidden: some options show them on purpose."""
     if not len(measured):
         return None
@@ -228,6 +262,7 @@ _BELOW = "Fillers stay below the surface, so that they hide none of it"
 
 LAWS: tuple[Law, ...] = (
     Law("error", "The measured error stays within the predicted one", ("measured_px_max", "predicted_px"), _error),
+    Law("finite", "Every measured error is finite", ("measured_px_max", "hole_samples"), _finite),
     Law(
         "budgets",
         "Triangles and nodes stay within their budgets",
@@ -270,6 +305,6 @@ LAWS: tuple[Law, ...] = (
         _none_of("raised_filler_triangles", _BELOW, "fillers rise above it"),
     ),
     Law("counts", "Reported triangles are those that the GPU counted", ("drawn_triangles",), _counts),
-    Law("still", "Under a still camera the surface comes to rest", ("pop_px_max",), _still),
+    Law("still", "Under a still camera the surface comes to rest", ("pop_px_max", "stream"), _still),
     Law("cracks", "No picture shows a crack", ("crack_pixels",), _cracks),
 )

@@ -8,9 +8,12 @@ pictures.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from ._core import SLACK_PIXELS, world_slack
 
 Figure = Callable[[Any], float]
 
@@ -81,3 +84,11 @@ def measure(
     """
     measurement = instrument.examine(session, cut, view, reference, pictures, before)
     return {metric.name: metric.of(measurement) for metric in METRICS}
+
+
+def pixel_slack(view: Any) -> float:
+    """The one slack of the laws in pixels of a view: the instrument's, and float steps at the distance to the eye."""
+    wide = math.tan(math.radians(view.fov) / 2.0)
+    high = wide * view.size[1] / view.size[0]
+    per_metre = view.size[0] / (2.0 * wide) * math.sqrt(1.0 + wide * wide + high * high)
+    return SLACK_PIXELS + per_metre * world_slack(1.0)

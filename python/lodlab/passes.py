@@ -20,7 +20,7 @@ import numpy as np
 from . import _core, pictures, results, sight
 from .errors import GLError, InvalidInput, StoreError, Unsupported
 from .heightfield import HeightField
-from .metrics import measure
+from .metrics import measure, pixel_slack
 from .paths import CameraPath
 from .stores import Store, build, method_table, open, options_of
 
@@ -322,6 +322,7 @@ def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Map
                 "accuracy": f in measured,
                 "gpu_clock": cost["gpu_clock"],
                 "filler_triangles": cut.filler_triangles,
+                "slack_px": pixel_slack(recording.views[f]),
             }
         )
     return rows

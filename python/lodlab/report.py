@@ -13,7 +13,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -26,7 +26,7 @@ from .charts import BASELINE
 from .columns import tooltip
 from .errors import InvalidInput
 from .figures import number, percent
-from .laws import judge
+from .laws import broken_by_run, judge
 from .passes import worst_folder
 from .results import HEAD, short_source, write_atomic
 from .statistics import noise_floor
@@ -56,14 +56,17 @@ COLUMNS = (
 )
 
 
-def summary_table(summary: Any) -> str:
-    """The runs as an HTML table; columns that these results do not have are left out."""
+def summary_table(summary: Any, broken: Mapping[str, Sequence[str]] | None = None) -> str:
+    """The runs as an HTML table; columns that these results do not have are left out. `broken`: the laws that runs
+    break, which mark their rows."""
     columns = [c for c in COLUMNS if c[0] in summary]
     head = "".join(f'<th title="{html.escape(tooltip(column))}">{title}</th>' for column, title, _ in columns)
     body = []
     for _, row in summary.iterrows():
         cells = "".join(f"<td>{_cell(row, column, kind)}</td>" for column, _, kind in columns)
-        body.append(f"<tr>{cells}</tr>")
+        laws = (broken or {}).get(row["run"])
+        mark = f' class="broken" title="breaks: {html.escape(", ".join(laws))}"' if laws else ""
+        body.append(f"<tr{mark}>{cells}</tr>")
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
 
 
@@ -217,6 +220,7 @@ def write(directory: str | os.PathLike[str]) -> Path:
     page = Template((Path(__file__).parent / "templates" / "report.html").read_text(encoding="utf-8"))
     sources, methods = _join(summary["source"].map(short_source)), _join(summary["method"])
     size, fov = _viewport(config)
+    verdicts = judge(result.frames, size[0], fov)
     text = page.substitute(
         title=html.escape(f"lodlab: {methods} on {sources}"),
         heading=html.escape(f"{methods} on {sources}"),
@@ -228,10 +232,8 @@ def write(directory: str | os.PathLike[str]) -> Path:
         pareto=pareto,
         table_note=_TABLE_NOTE,
         noise=noise_text(result.noise),
-        table=summary_table(summary),
-        laws="".join(
-            f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in judge(result.frames, size[0], fov)
-        ),
+        table=summary_table(summary, broken_by_run(verdicts)),
+        laws="".join(f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in verdicts),
         strips=_strips(result),
         timeline=_timeline(result),
         provenance=_provenance(folder, summary),

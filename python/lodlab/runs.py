@@ -178,9 +178,12 @@ def fly(
     draw options.
 
     Raises InvalidInput and Unsupported for what the user got wrong, CaptureMismatch (after the results are
-    written) when a capture was not what was drawn. A directory that holds this very run already is read.
+    written) when a capture was not what was drawn. Warns of every law that the rows break (BrokenPromise), after the
+    results are written. A directory that holds this very run already is read.
     """
     from tqdm.auto import tqdm
+
+    from .laws import tell_broken
 
     if source is not None:
         store.attach(as_source(source))
@@ -227,7 +230,9 @@ def fly(
 
             with results.RunDirectory(out, flight_config(store, flight, device)) as directory:
                 if flight.name in directory.done:
-                    return load(directory.path, flight.name)
+                    run = load(directory.path, flight.name)
+                    tell_broken(run.frames)
+                    return run
                 directory.provenance(gl=_core.gl_info(), libraries=_core.libraries())
                 flown = perform(store, track, flight, yardstick=yardstick, folder=directory.path, tick=bar.update)
                 rows, summary = finish(flown)
@@ -240,5 +245,6 @@ def fly(
     if flown.complaint:
         warnings.warn(flown.complaint, stacklevel=2)
     run = Run(results.table(rows, results.FRAME_COLUMNS), summary, Path(out) if out is not None else None, flown)
+    tell_broken(run.frames)
     check_capture(run.frames)
     return run

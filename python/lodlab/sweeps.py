@@ -253,7 +253,11 @@ def sweep(
     without it, results live as long as the Sweep. `jobs`: spawned worker processes. `metrics`: all or geometry,
     instead of the configuration's. `sources`,
     `paths`: those in memory, by their names in the configuration.
+
+    Warns of every law that a run breaks (BrokenPromise), after the results are written.
     """
+    from .laws import tell_broken
+
     if isinstance(config, (list, tuple)):
         if not all(isinstance(run, Run) for run in config):
             raise InvalidInput("sweep: a list holds runs made by lodlab.fly; give a configuration as a dict or file")
@@ -279,6 +283,7 @@ def sweep(
 
             write(directory.path)
         result._keep = owner
+    tell_broken(result.frames)
     check_capture(result.frames)
     return result
 

@@ -37,14 +37,14 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "over_triangles": ("budgets",),
     "over_nodes": ("budgets",),
     "over_pixels": ("pixel_error",),
-    "hole": ("holes", "crack_edges", "crack_pixels", "error", "audit"),
+    "hole": ("holes", "crack_edges", "crack_pixels", "error", "finite", "audit"),
     "inverted": ("winding",),
     "two_faced": ("capture",),
     "two_faced_whole": ("capture",),
     "disguise": ("fillers", "raised"),
     "wall": ("raised",),
     "under_reports": ("counts",),
-    "nothing": ("holes", "crack_pixels", "error", "audit"),
+    "nothing": ("holes", "crack_pixels", "error", "finite", "audit"),
 }
 GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0, "wall": 5.0}
 

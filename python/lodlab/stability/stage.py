@@ -20,6 +20,7 @@ import numpy as np
 from .. import _core, passes
 from ..errors import InvalidInput
 from ..heightfield import HeightField
+from ..metrics import pixel_slack
 from ..paths import CameraPath
 from ..stores import Cut, Session, Store, method_table
 from . import fields
@@ -271,14 +272,6 @@ class Stage:
     def picture(self, session: Session, cut: Cut, view: _core.View, show: str = "shade") -> Callable[[], np.ndarray]:
         """Draws a cut when it is asked to."""
         return lambda: session.draw(cut, view, show).image
-
-
-def pixel_slack(view: _core.View) -> float:
-    """The one slack of the laws in pixels: 0.01, and four float steps at the distance to the eye."""
-    wide = math.tan(math.radians(view.fov) / 2.0)
-    high = wide * view.size[1] / view.size[0]
-    per_metre = view.size[0] / (2.0 * wide) * math.sqrt(1.0 + wide * wide + high * high)
-    return _core.SLACK_PIXELS + per_metre * _core.world_slack(1.0)
 
 
 def look(eye: Any, target: Any, **values: Any) -> _core.View:
