@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import rasterio
 import trimesh
 
 import lodlab as lod
@@ -298,8 +299,7 @@ def test_export_writes_the_surface_in_source_coordinates(say, folder, kind):
         assert say("build", SOURCE, "full", store)[0] == 0
     out = folder / f"mesh{kind}"
     assert say("export", store, out, "--size", "96x64")[0] == 0
-    mesh = trimesh.load(out, process=False)
-    mesh = mesh.to_geometry() if isinstance(mesh, trimesh.Scene) else mesh
+    mesh = opened_mesh(out)
     field = lod.datasets.load(SOURCE)
     rows, cols = field.shape
     grid = field.core.position(*np.divmod(np.arange(rows * cols), cols))
@@ -307,6 +307,76 @@ def test_export_writes_the_surface_in_source_coordinates(say, folder, kind):
     assert len(mesh.vertices) == rows * cols
     # float steps at the distance to the eye, which is a few times the size of the field
     assert np.abs(mesh.bounds - [grid.min(axis=0), grid.max(axis=0)]).max() < 0.01
+    assert (mesh.vertex_normals[:, 2] > 0.1).all(), "normals point out of the ground"
+    slope = mesh.face_normals[mesh.vertex_faces[:, 0]]
+    assert (np.einsum("ij,ij->i", slope, mesh.vertex_normals) > 0.0).all(), "a normal is not of its faces"
+
+
+def opened_mesh(file: Path) -> trimesh.Trimesh:
+    """A mesh file as others read it, in source coordinates: glTF's x east, y up, z south turned back."""
+    mesh = trimesh.load(file, process=False)
+    if isinstance(mesh, trimesh.Scene):
+        mesh = mesh.to_geometry()
+        mesh.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    return mesh
+
+
+def gltf_tree(file: Path) -> dict:
+    """The JSON of a .glb file."""
+    data = file.read_bytes()
+    return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+
+
+def gltf_bytes(file: Path, attribute: str) -> np.ndarray:
+    """(V, 4) uint8: an attribute of the one mesh of a .glb file."""
+    tree, data = gltf_tree(file), file.read_bytes()
+    accessor = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"][attribute]]
+    assert (accessor["componentType"], accessor["type"], accessor["normalized"]) == (5121, "VEC4", True)
+    start = 28 + int.from_bytes(data[12:16], "little") + tree["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    return np.frombuffer(data, np.uint8, 4 * accessor["count"], start).reshape(-1, 4)
+
+
+def test_glb_has_y_up_and_says_what_it_is_of(say, folder, tmp_path):
+    place = rasterio.Affine(30.0, 0.0, 500000.0, 0.0, -30.0, 5200000.0)
+    dem = tmp_path / "dem.tif"
+    with rasterio.open(dem, "w", "GTiff", 9, 7, 1, "EPSG:32611", place, "float32") as file:
+        file.write(np.full((7, 9), 1500.0, np.float32), 1)
+    assert say("build", dem, "full", tmp_path / "s.lod")[0] == 0
+    assert say("export", tmp_path / "s.lod", tmp_path / "m.glb", "--triangles", "50", "--at", "0")[0] == 0
+    mesh = trimesh.load(tmp_path / "m.glb", process=False).to_geometry()
+    assert mesh.bounds[:, 1] == pytest.approx([1500.0, 1500.0]), "y is not up"
+    assert mesh.bounds[:, 0] == pytest.approx([500015.0, 500255.0])
+    assert mesh.bounds[:, 2] == pytest.approx([-5199985.0, -5199805.0]), "z is not south"
+    tree = gltf_tree(tmp_path / "m.glb")
+    (node,) = (node for node in tree["nodes"] if "mesh" in node)
+    extras = node["extras"]
+    assert extras["crs"] == "WGS 84 / UTM zone 11N" and extras["budget"] == {"triangles": 50}
+    assert extras["view"]["size"] == [1280, 720] and len(extras["view"]["eye"]) == 3
+    assert {"POSITION", "NORMAL"} == set(tree["meshes"][0]["primitives"][0]["attributes"])
+
+
+@pytest.mark.parametrize("kind", [".ply", ".glb", ".obj"])
+def test_export_carries_the_colours_of_a_map(say, folder, tmp_path, kind):
+    columns, rows = np.meshgrid(np.arange(65) * 3, np.arange(65) * 3)
+    raster = np.dstack([columns, rows, np.full_like(rows, 50), np.full_like(rows, 255)]).astype(np.uint8)
+    pictures.save(tmp_path / "map.png", raster)
+    store, out = tmp_path / "s.lod", tmp_path / f"m{kind}"
+    options = ("-o", f"attribute={tmp_path / 'map.png'}", "-o", "leaf=16", "-o", "chunk_triangles=128")
+    assert say("build", SOURCE, "chunked", store, *options)[0] == 0
+    assert say("export", store, out, "--size", "96x64")[0] == 0
+    mesh = opened_mesh(out)
+    spacing = lod.datasets.load(SOURCE).spacing
+    east, south = mesh.vertices[:, 0] / spacing[0], -mesh.vertices[:, 1] / spacing[1]
+    wanted = np.column_stack([3.0 * east, 3.0 * south, np.full(len(east), 50.0)])
+    found = gltf_bytes(out, "COLOR_0") if kind == ".glb" else mesh.visual.vertex_colors
+    shades = found[:, :3].astype(float)
+    if kind == ".glb":  # linear by its standard
+        share = wanted / 255.0
+        wanted = 255.0 * np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    assert np.abs(shades - wanted).max() <= 1.0 + 3.0 * 0.01  # a step, and how far floats move a vertex
+    (tmp_path / "map.png").unlink()
+    fails(say("export", store, tmp_path / f"n{kind}", "--size", "96x64"), 1, "map.png", "colours")
+    assert not (tmp_path / f"n{kind}").exists()
 
 
 def test_export_refuses_other_kinds(say, store, folder):

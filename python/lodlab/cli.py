@@ -520,9 +520,10 @@ def export(
 ) -> None:
     """The cut of one view as a mesh.
 
-    An indexed mesh in source coordinates; fillers (skirts) are left out. 1 px where no budget is given.
+    An indexed mesh in source coordinates, with normals, and colours where the store has them; .glb is turned by its
+    node so that y is up. Fillers (skirts) are left out. 1 px where no budget is given.
     """
-    from .meshes import check_name, save
+    from .meshes import about, check_name, save
 
     check_name(mesh)
     choose(device)
@@ -530,7 +531,7 @@ def export(
     budget = budget_from(pixel_error, triangles, nodes)
     _, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
     made = cut.to_trimesh(view)
-    save(mesh, made)
+    save(mesh, made, about(opened, cut, budget or {"pixel_error": 1.0}))
     typer.echo(f"{mesh}: {len(made.vertices):,} vertices, {len(made.faces):,} triangles")
 
 

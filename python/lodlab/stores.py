@@ -108,14 +108,17 @@ class Cut:
         """The view that the cut was selected for."""
         return self.core.view
 
-    def to_trimesh(self, view: Any = None) -> Any:
+    def to_trimesh(self, view: Any = None, *, colors: bool = True) -> Any:
         """The whole cut as a `trimesh.Trimesh` in source coordinates.
 
         The surface is the one that the GPU emits for `view` (default: the cut's own). Fillers are left
         out, equal vertices are merged bit for bit, triangles without area dropped. Height fields with
-        voids: triangles over a void are kept.
+        voids: triangles over a void are kept. A store with a colour raster gives its vertices their colours,
+        unless `colors` is False; StoreError when the raster cannot be read any more.
         """
         import trimesh
+
+        from . import meshes
 
         captured = self._session.capture(self, view if view is not None else self.view)
         corners = np.ascontiguousarray(captured.triangles[captured.kind == 0].reshape(-1, 3)) + 0.0  # no -0.0
@@ -124,7 +127,9 @@ class Cut:
         faces = inverse.reshape(-1, 3)
         a, b, c = faces.T
         faces = faces[(a != b) & (b != c) & (c != a)]
-        return trimesh.Trimesh(vertices=corners[first], faces=faces, process=False)
+        vertices = corners[first]
+        shades = meshes.colors(self._session.store, vertices) if colors else None
+        return trimesh.Trimesh(vertices=vertices, faces=faces, vertex_colors=shades, process=False)
 
     def __repr__(self) -> str:
         return (
