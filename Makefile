@@ -1,6 +1,6 @@
 # What a user types. Everything real happens in scripts/setup.sh, CMakeLists.txt and the Python package.
 #   make setup      system packages where missing, .venv, editable install, incremental build
-#   make demo       a real terrain, chunked beside full, ends with the path of the report
+#   make demo       all methods beside full over the relief of the Earth, ends with the path of the report
 #   make test       C++ tests, then Python tests; skips are listed by reason
 #   make lint       ruff, clang-format, and a build in which compiler warnings are errors
 #   make format     apply ruff's and clang-format's formatting
@@ -18,8 +18,10 @@ all: setup
 setup:
 	@scripts/setup.sh
 
+# Asia and the seas to its south-east, heights four times as they are; lodlab bench demo times the same line.
 demo: setup
-	.venv/bin/lodlab compare jacksboro --out runs/demo
+	.venv/bin/lodlab compare earth:window=240/600/1300/1700,vertical_scale=4 --path orbit --size 960x540 \
+	  --pixel-errors 1,2,4 --frames 30 --accuracy-frames 4 --out runs/demo
 
 test: setup
 	cmake --build $(EDITABLE) --target cpp_tests

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,3 +150,9 @@ def test_random_cuts_are_counted_with_their_cracks(tmp_path):
     for tile in bench_multigrain.TILES:
         found = bench_multigrain._cuts_of(lab, tile, 5)
         assert found["details"]["cuts"] == 5 and found["details"]["crack_edges"] == 0 and found["value"] > 0.0
+
+
+def test_the_demo_that_is_timed_is_the_one_of_the_makefile():
+    text = (Path(__file__).parents[1] / "Makefile").read_text().replace("\\\n", " ")
+    (line,) = re.findall(r"^\t.venv/bin/lodlab (compare .*)", text, re.MULTILINE)
+    assert shlex.split(line) == [*bench.DEMO, "--out", "runs/demo"]

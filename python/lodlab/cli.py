@@ -60,7 +60,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     help="A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure.",
-    epilog="Example: lodlab compare jacksboro --out runs/demo",
+    epilog="Example: lodlab compare jacksboro --out runs/jacksboro",
 )
 
 
@@ -324,7 +324,7 @@ def print_runs(rows: Sequence[Any]) -> None:
 
 
 @app.command(
-    "compare", epilog="Example: lodlab compare jacksboro --out runs/demo --pixel-errors 0.5,1,2 -o chunked.morph=false"
+    "compare", epilog="Example: lodlab compare jacksboro --out runs/jacksboro --pixel-errors 0.5,1,2 -o chunked.morph=false"
 )
 def compare_command(
     source: SourceText,
