@@ -160,7 +160,8 @@ def test_report_of_nothing_is_refused(tmp_path):
         report.write(tmp_path / "none")
     with pytest.raises(InvalidInput, match="no file"):
         report.write(tmp_path)
-    results.RunDirectory(tmp_path / "empty", {"sources": []}).close()
+    with results.RunDirectory(tmp_path / "empty") as empty:
+        empty.begin({"sources": []}, [], {})
     with pytest.raises(InvalidInput, match="no finished run"):
         report.write(tmp_path / "empty")
 

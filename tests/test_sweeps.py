@@ -50,7 +50,9 @@ def test_runs_and_rows_stand_in_the_order_of_the_configuration(swept):
     assert swept.runs == ["full", "chunked-px1", "chunked-px4"]
     assert swept.frames["run"].tolist() == [name for name in swept.runs for _ in range(5)]
     assert tuple(swept.frames.columns) == results.FRAME_COLUMNS
-    assert tuple(swept.summary.columns) == results.SUMMARY_COLUMNS
+    columns = tuple(swept.summary.columns)
+    assert columns[: len(results.SUMMARY_COLUMNS)] == results.SUMMARY_COLUMNS
+    assert {"option.leaf", "option.morph"} <= set(columns[len(results.SUMMARY_COLUMNS) :])
     assert (swept.summary["store_bytes"] > 0).all() and (swept.summary["build_seconds"] >= 0).all()
     assert not swept.frames["stream"].any(), "sweeps load everything first, so that their rows repeat"
 
@@ -223,7 +225,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path):
 
 
 def test_two_writers_are_refused(swept):
-    with results.RunDirectory(swept.directory, configs.freeze(CONFIG)):
+    with results.RunDirectory(swept.directory):
         with pytest.raises(StoreError, match="another process"):
             lod.sweep(CONFIG, out=swept.directory, progress=False)
 

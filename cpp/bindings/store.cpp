@@ -302,7 +302,7 @@ py::list levels(const std::vector<NodeInfo>& rows) {
 py::dict info(const PyStore& self) {
   const Store& store = *self.store;
   const FieldFrame frame = frame_from_json(store.meta().frame);
-  const auto bytes = static_cast<double>(store.file_bytes());
+  const auto bytes = static_cast<double>(store.bytes());
   const auto vertices = static_cast<double>(self.hierarchy->vertices());
   py::dict out;
   out["format_version"] = store.format_version();
@@ -314,7 +314,7 @@ py::dict info(const PyStore& self) {
   out["content_hash"] = store.content_hash();
   out["build_seconds"] = store.build_seconds();
   out["quantum"] = self.hierarchy->quantum();
-  out["bytes"] = store.file_bytes();
+  out["bytes"] = store.bytes();
   out["bytes_per_sample"] = bytes / (static_cast<double>(frame.rows) * static_cast<double>(frame.cols));
   out["bytes_per_vertex"] = vertices > 0 ? bytes / vertices : std::numeric_limits<double>::quiet_NaN();
   out["levels"] = levels(self.hierarchy->nodes());

@@ -187,19 +187,25 @@ std::vector<float> Measurement::error_px() {
   return error_picture(field(), grid(), surface(), drawn(), subject_.camera);
 }
 
+/// Two empty pictures are no agreement.
+bool Measurement::compares() {
+  if (subject_.reference == nullptr) return false;
+  const auto shows = [](const render::Picture& picture) {
+    return std::any_of(picture.depth.begin(), picture.depth.end(), [](float d) { return std::isfinite(d); });
+  };
+  return shows(subject_.reference->shade) || shows(drawn());
+}
+
 double Measurement::psnr_db() {
-  if (subject_.reference == nullptr) return kUndefined;
-  return lodlab::instrument::psnr_db(drawn(), subject_.reference->shade);
+  return compares() ? lodlab::instrument::psnr_db(drawn(), subject_.reference->shade) : kUndefined;
 }
 
 double Measurement::ssim() {
-  if (subject_.reference == nullptr) return kUndefined;
-  return lodlab::instrument::ssim(drawn(), subject_.reference->shade);
+  return compares() ? lodlab::instrument::ssim(drawn(), subject_.reference->shade) : kUndefined;
 }
 
 double Measurement::flip() {
-  if (subject_.reference == nullptr) return kUndefined;
-  return lodlab::instrument::flip(seen(drawn()), subject_.reference->seen());
+  return compares() ? lodlab::instrument::flip(seen(drawn()), subject_.reference->seen()) : kUndefined;
 }
 
 double Measurement::drawn_triangles() {

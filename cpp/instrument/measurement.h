@@ -89,6 +89,7 @@ class Measurement {
   const DrawnSurface* before();
   const SampleError& samples();
   const ByRows& by_rows();
+  bool compares();  // with the reference picture
   const PixelError& pixels();
   const Cracks& cracks();
   const Orientation& orientation();

@@ -11,7 +11,7 @@ PagingOptions paging_of(const Options& options) {
 
 void add_paging_options(std::vector<OptionSpec>& table, const PagingHelp& help) {
   using enum Stage;
-  table.push_back({"stream", true, kDraw, "", help.stream, {}});
+  table.push_back({"stream", false, kDraw, "", help.stream, {}});
   table.push_back({"cpu_cache_mb", int64_t{256}, kDraw, "MiB", help.cpu_cache, {}, 1, 1 << 20});
   table.push_back({"gpu_cache_mb", int64_t{1024}, kDraw, "MiB", help.gpu_cache, {}, 1, 1 << 20});
   table.push_back({"fetch_delay_ms",

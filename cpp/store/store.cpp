@@ -178,7 +178,6 @@ struct Store::Impl {
   std::map<std::string, std::string> values;
   std::string content_hash;
   int version = 0;
-  int64_t file_bytes = 0;
   std::map<std::string, ArrayHead> arrays;
   std::vector<PageHead> directory;  // sorted by (kind, id)
 
@@ -239,7 +238,6 @@ void Store::Impl::load() {
   check_exists(path);
   const Header header = read_header(path);
   version = static_cast<int>(header.version);
-  file_bytes = header.file_bytes;
   auto reader = std::make_unique<Reader>(path);
   const Database& database = reader->database();
   check_schema(database, path);
@@ -309,7 +307,12 @@ const std::string& Store::path() const { return impl_->path; }
 const std::string& Store::content_hash() const { return impl_->content_hash; }
 int Store::format_version() const { return impl_->version; }
 double Store::build_seconds() const { return seconds_of(value_of(impl_->values, "build_seconds")); }
-int64_t Store::file_bytes() const { return impl_->file_bytes; }
+int64_t Store::bytes() const {
+  int64_t sum = 0;
+  for (const auto& [name, head] : impl_->arrays) sum += head.size;
+  for (const PageHead& page : impl_->directory) sum += page.size;
+  return sum;
+}
 
 const std::string& Store::meta(const std::string& key) const {
   const auto found = impl_->values.find(key);

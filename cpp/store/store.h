@@ -74,7 +74,8 @@ class Store {
   const std::string& content_hash() const;
   int format_version() const;
   double build_seconds() const;
-  int64_t file_bytes() const;
+  /// Of pages and arrays: equal builds have equal ones, where the database file may have more or less room.
+  int64_t bytes() const;
 
   Bytes array(const std::string& name) const;
   template <class T>

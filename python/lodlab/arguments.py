@@ -38,6 +38,10 @@ AccuracyFrames = Annotated[
 ]
 Repeat = Annotated[int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Worker processes; more than 1 disturbs timings.")]
+Stores = Annotated[
+    Path | None,
+    typer.Option("--stores", metavar="DIR", help="Stores to be reused; new ones go there [default: RUN/stores]."),
+]
 Device = Annotated[
     str | None,
     typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),

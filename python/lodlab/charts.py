@@ -25,7 +25,7 @@ from . import statistics
 from .errors import InvalidInput
 from .figures import percent
 from .labels import ABOVE, Label, place
-from .results import SUMMARY_COLUMNS, read_noise, short_source, table, write_atomic
+from .results import read_noise, short_source, summary_table, write_atomic
 from .runs import Run
 from .sweeps import Sweep
 
@@ -125,7 +125,7 @@ def tables_of(result: Any) -> tuple[Any, Any, Any]:
     import pandas as pd
 
     if isinstance(result, Run):
-        return result.frames, table([result.summary], SUMMARY_COLUMNS), read_noise(result.directory)
+        return result.frames, summary_table([result.summary]), read_noise(result.directory)
     if isinstance(result, Sweep):
         return result.frames, result.summary, result.noise
     if isinstance(result, (list, tuple)) and result:

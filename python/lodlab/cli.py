@@ -43,6 +43,7 @@ from .arguments import (
     SourceOption,
     SourceText,
     StoreFile,
+    Stores,
     Triangles,
     budget_from,
     numbers_of,
@@ -280,12 +281,14 @@ def fly_command(
     metrics: Metrics = "all",
     accuracy_frames: AccuracyFrames = 12,
     repeat: Repeat = 1,
+    stores: Stores = None,
     device: Device = None,
     source: SourceOption = None,
 ) -> None:
     """One run, timed and measured.
 
-    A store along a path under a budget; at least one budget is given where the method takes any.
+    A store along a path under a budget; at least one budget is given where the method takes any. A directory that
+    holds other runs grows by this one.
     """
     run = lodlab.fly(
         open_store(store, source),
@@ -300,6 +303,7 @@ def fly_command(
         repeat=repeat,
         device=device,
         out=out,
+        stores=stores,
         **options_from(option),
     )
     print_runs([run.summary])
@@ -349,12 +353,13 @@ def compare_command(
     accuracy_frames: AccuracyFrames = 12,
     repeat: Repeat = 1,
     jobs: Jobs = 1,
+    stores: Stores = None,
     device: Device = None,
 ) -> None:
     """Methods beside full, over a grid of budgets.
 
     Every method that accepts the source; where several kinds of budgets are given, every combination. Goes on
-    where it was stopped, and ends with the report.
+    where it was stopped; a directory grows by more budgets, methods and options. Ends with the report.
     """
     options: dict[str, dict[str, str]] = {}
     for name, value in options_from(option).items():
@@ -380,6 +385,7 @@ def compare_command(
         jobs=jobs,
         device=device,
         out=out,
+        stores=stores,
     )
     finish(result, out)
 
@@ -392,13 +398,14 @@ def sweep_command(
         str | None, typer.Option("--metrics", metavar="all|geometry", help="What to measure [default: the file's].")
     ] = None,
     jobs: Jobs = 1,
+    stores: Stores = None,
 ) -> None:
     """Runs over a grid that a file describes.
 
     Sources, paths, methods, options and budgets: see docs/sweeps.md, or the config.toml of any run directory. Goes
-    on where it was stopped, and ends with the report.
+    on where it was stopped; a directory grows by more of them. Ends with the report.
     """
-    finish(lodlab.sweep(config, out=out, jobs=jobs, metrics=metrics), out)
+    finish(lodlab.sweep(config, out=out, jobs=jobs, metrics=metrics, stores=stores), out)
 
 
 def finish(result: Any, out: Path) -> None:

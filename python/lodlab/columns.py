@@ -36,7 +36,7 @@ KEYS: tuple[Column, ...] = (
     Column("budget_pixel_error", "px", f"Target for the projected error; {_UNSET}."),
     Column("budget_triangles", "count", f"Hard limit on triangles, fillers included; {_UNSET}."),
     Column("budget_nodes", "count", f"Hard limit on nodes; {_UNSET}."),
-    Column("path", TEXT, "The camera path: a built-in name, a key-frame file, or the name of one that lay in memory."),
+    Column("path", TEXT, "The camera path: a built-in name, or the key frames that the run directory keeps."),
     Column("frame", "count", "Number of the frame along the path, from 0."),
     Column("budget_met", FLAG, "predicted_px is within the pixel error, and hard budgets held."),
     Column("promises_bound", FLAG, "predicted_px is an upper bound of the measured error."),
@@ -62,8 +62,13 @@ EXTRAS: tuple[Column, ...] = (
     Column("filler_triangles", "count", "Triangles that only hide cracks, of the visible nodes."),
     Column("slack_px", "px", "What laws allow beside a bound in this view: 0.01 px and the rounding of positions."),
 )  # fmt: skip
+HASHES: tuple[Column, ...] = (
+    Column("source_hash", TEXT, "Hash of the source's heights, voids and placement."),
+    Column("poses_hash", TEXT, "Hash of every frame's eye, target, up, field of view, near plane and size."),
+    Column("attribute_hash", TEXT, "Hash of the colour raster's bytes; empty without one."),
+)
 OF_RUNS: tuple[Column, ...] = (
-    Column("store_bytes", "bytes", "Size of the store."),
+    Column("store_bytes", "bytes", "Bytes of the store's pages and arrays, the same for equal builds."),
     Column("build_seconds", "s", "Time to build the store; a resumed build counts all its parts."),
     Column("frames", "count", "Frames of the run."),
     Column("accuracy_frames", "count", "Frames that were measured."),
@@ -79,7 +84,7 @@ NOISE: tuple[Column, ...] = (
 )
 ACCURACY: tuple[Column, ...] = tuple(Column(metric.name, metric.unit, metric.text) for metric in METRICS)
 _SMALLER_IS_WORSE = {metric.name for metric in METRICS if metric.smaller_is_worse}
-_FRAMES = {column.name: column for column in (*KEYS, *COSTS, *ACCURACY, *EXTRAS)}
+_FRAMES = {column.name: column for column in (*KEYS, *COSTS, *ACCURACY, *EXTRAS, *HASHES)}
 _EVERY_FRAME = ("predicted_px",)  # known without measuring
 
 _INTERVAL = "end of the bootstrap 95 % interval of the median, over frames and timing passes."
@@ -131,10 +136,12 @@ _PARTS: tuple[tuple[str, Sequence[Column]], ...] = (
     ("Cost, timed in a pass that reads nothing back", COSTS),
     ("Accuracy, measured in a second pass over the same views", ACCURACY),
     ("Besides", EXTRAS),
+    ("What the row rests on", HASHES),
 )
 _SUMMARY_NOTE = (
     "The columns that say what a row is about, without `frame`; `budget_met` and `promises_bound` are true when they "
-    "are in every frame, and `gpu_clock` stands here too. Then figures over the frames of the run, named by their "
+    "are in every frame, and `gpu_clock` and the hashes stand here too; every option that some run has is a column "
+    "`option.NAME`. Then figures over the frames of the run, named by their "
     "endings:"
 )
 

@@ -22,20 +22,27 @@ A TOML file, or a dict of the same shape:
     pixel_errors = [1]               # optional: this method's own budgets
     options = { morph = ["true", "formula4"], finest_error = 0.0 }   # a list is a grid
 
+    [[hashes]]                       # in a run directory: of what its rows rest on; what differs is refused
+    what = "source"
+    name = "jacksboro"
+    value = "..."
+
 Methods that ignore budgets (`full`) make one run per path. Every default is written out in `config.toml`.
 """
 
 from __future__ import annotations
 
 import itertools
+import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from . import _core, results
 from .errors import InvalidInput
+from .identity import check_hashes, merged
 from .passes import Flight, budget_text, check_budget, run_name
 from .paths import DEFAULT_FOV
 from .stores import Store, method_table, options_of
@@ -56,7 +63,9 @@ DEFAULTS: dict[str, Any] = {
     "triangles": [],
     "nodes": [],
     "methods": [],
+    "hashes": [],
 }
+GROWING = ("sources", "paths", "methods", "hashes")  # what a run directory may hold more of
 DEFAULT_PIXEL_ERRORS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _KINDS = {"frames": int, "fov": float, "accuracy_frames": int, "repeat": int, "images": str, "metrics": str,
           "device": str}  # fmt: skip
@@ -91,7 +100,17 @@ def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(out["methods"], list) or not out["methods"]:
         raise InvalidInput("configuration: no methods; give at least one [[methods]] with a name")
     out["methods"] = [_freeze_method(m, common) for m in out["methods"]]
+    out["hashes"] = [_freeze_hash(entry) for entry in out["hashes"]] if isinstance(out["hashes"], list) else None
+    if out["hashes"] is None:
+        raise InvalidInput("configuration: hashes is no list of tables with what, name, value")
     return out
+
+
+def _freeze_hash(entry: Any) -> dict[str, str]:
+    fits = isinstance(entry, Mapping) and set(entry) == {"what", "name", "value"}
+    if not fits or not all(isinstance(v, str) for v in entry.values()):
+        raise InvalidInput(f"configuration: hashes holds {entry!r}; it is a table of the texts what, name, value")
+    return dict(entry)
 
 
 def _freeze_method(given: Mapping[str, Any] | str, common: Mapping[str, list[Any]]) -> dict[str, Any]:
@@ -114,11 +133,10 @@ def _freeze_method(given: Mapping[str, Any] | str, common: Mapping[str, list[Any
 
 
 def _freeze_options(method: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of a method, defaults written out; lists stay lists. Sweeps load everything first."""
+    """All options of a method, defaults written out; lists stay lists."""
     if not isinstance(given, Mapping):
         raise InvalidInput(f"options of {method}: {given!r} is no table of names and values")
     build, draw = options_of(method, "build"), options_of(method, "draw")
-    given = {"stream": False, **given} if "stream" in draw else dict(given)
     for name in given:
         if name not in build and name not in draw:
             known = ", ".join(build + draw) or "none"
@@ -194,6 +212,7 @@ def flight_config(store: Store, flight: Flight, device: str | None) -> dict[str,
         "images": flight.images,
         "metrics": flight.metrics,
         "device": device or "",
+        "hashes": [],
         "methods": [
             {
                 "name": store.method,
@@ -202,6 +221,55 @@ def flight_config(store: Store, flight: Flight, device: str | None) -> dict[str,
             }
         ],
     }
+
+
+# ---- a directory that grows ------------------------------------------------------------------------
+
+
+def grow(old: Mapping[str, Any] | None, new: Mapping[str, Any], where: Any) -> dict[str, Any]:
+    """One configuration of the one that a run directory holds (None: none yet) and the one to be flown: the grid
+    of both. InvalidInput names what contradicts: a value that all runs of a directory share."""
+    if old is None:
+        return dict(new)
+    wide = {"fov": DEFAULT_FOV}  # what a path without one of its own has; one that has is known by its poses
+    shared = [
+        {k: wide.get(k) if v is None else v for k, v in {"fov": None, **config}.items() if k not in GROWING}
+        for config in (old, new)
+    ]
+    if difference := results.first_difference(*shared):
+        raise InvalidInput(
+            f"run directory: {where} holds runs of another configuration ({difference}); choose another directory "
+            "or remove this one"
+        )
+    out = {**new, **{key: _union(old[key], new[key]) for key in ("sources", "paths")}}
+    out["fov"] = None if old.get("fov") is None else new["fov"]
+    out["methods"] = [dict(method) for method in old["methods"]]
+    for method in new["methods"]:
+        joined = ((i, _join(known, method)) for i, known in enumerate(out["methods"]))
+        at, found = next(((i, one) for i, one in joined if one is not None), (len(out["methods"]), method))
+        out["methods"][at : at + 1] = [found]
+    out["hashes"] = list(old.get("hashes", []))
+    return out
+
+
+def _union(old: Any, new: Any) -> list[Any]:
+    """The values of both, each once, in order; a value that is no list is one of one."""
+    both = [*(old if isinstance(old, list) else [old]), *(new if isinstance(new, list) else [new])]
+    return [value for i, value in enumerate(both) if value not in both[:i]]
+
+
+def _join(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any] | None:
+    """One table of [[methods]] for both, where they are a grid together: the same kinds of budgets, and at most one
+    option in which they differ."""
+    budgets = [[key for key in BUDGET_LISTS if method.get(key)] for method in (old, new)]
+    changed = [k for k, v in new["options"].items() if old["options"].get(k) != v]
+    if old["name"] != new["name"] or budgets[0] != budgets[1] or len(changed) > 1:
+        return None
+    options = dict(old["options"])
+    for name in changed:
+        values = _union(options[name], new["options"][name])
+        options[name] = values if len(values) > 1 else values[0]
+    return {"name": old["name"], **{key: _union(old[key], new[key]) for key in budgets[0]}, "options": options}
 
 
 # ---- the plan -------------------------------------------------------------------------------------
@@ -214,6 +282,50 @@ class Task:
     flight: Flight
     method: str
     build_options: dict[str, Any]
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells its rows from those of other runs of a directory, as text: columns of KEY."""
+        budget = self.flight.budget if method_table(self.method)["budgets"] else {}
+        options = _plain({**self.build_options, **self.flight.options})
+        limits = (results.cell(budget.get(name)) for name in BUDGET_LISTS.values())
+        return (self.flight.source, self.flight.path, self.method, options, *limits)
+
+
+def enter(
+    directory: results.RunDirectory,
+    config: Mapping[str, Any],
+    hashes_of: Callable[[Sequence[Task]], list[dict[str, str]]],
+) -> tuple[dict[str, Any], list[Task]]:
+    """Makes a directory ready for a configuration: what stands in it and what is to be flown as one grid, and its
+    plan. `hashes_of` says what the rows of given runs rest on now. InvalidInput where something contradicts, or has
+    changed under its name; nothing is written then."""
+    grown = grow(directory.config, config, directory.path)
+    tasks = plan(grown)
+    names = names_of(directory.done, tasks)
+    done = set(names.values())
+    now = hashes_of([*plan(config), *(task for task in tasks if task.flight.name not in done)])
+    check_hashes(f"run directory {directory.path}", grown["hashes"], now)
+    grown["hashes"] = merged(grown["hashes"], now)
+    directory.begin(grown, {name for task in tasks for name in (*task.build_options, *task.flight.options)}, names)
+    return grown, tasks
+
+
+KEY = ("source", "path", "method", "options", *(f"budget_{name}" for name in BUDGET_LISTS.values()))
+
+
+def names_of(done: Mapping[str, Mapping[str, str]], tasks: Iterable[Task]) -> dict[str, str]:
+    """The names that finished runs (their summary rows by name) have in a plan: old to new. Runs of no task keep
+    theirs."""
+    planned = {task.key: task.flight.name for task in tasks}
+    rows = {name: {**row, "options": _plain(json.loads(row["options"]))} for name, row in done.items()}
+    return {name: planned.get(tuple(row[c] for c in KEY), name) for name, row in rows.items()}
+
+
+def _plain(options: Mapping[str, Any]) -> str:
+    """Options as text in which 0.0 is 0: stores keep a whole number without its point."""
+    whole = {k: int(v) if isinstance(v, float) and v.is_integer() else v for k, v in options.items()}
+    return results.options_text(whole)
 
 
 def plan(config: Mapping[str, Any]) -> list[Task]:

@@ -38,7 +38,7 @@ def _core(name: str, unit: str, text: str, smaller_is_worse: bool = False) -> Me
 
 
 _SEES_NOTHING = "nan when the view sees nothing"
-_COMPARES = "against the full-resolution reference; nan without one"
+_COMPARES = "against the full-resolution reference; nan without one, and where both show nothing"
 _NO_OPTIMUM = "nan where the method knows no optimum or a hard budget is broken, below 0 within a pixel error"
 METRICS: tuple[Metric, ...] = (
     _core("predicted_px", "px", "The method's claim: the largest projected bound among visible nodes."),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ import numpy as np
 from . import _core, pictures, results, sight
 from .errors import GLError, InvalidInput, StoreError, Unsupported
 from .heightfield import HeightField
+from .identity import attribute_hash, poses_hash
 from .metrics import measure, pixel_slack
 from .paths import CameraPath
 from .stores import Store, build, method_table, open, options_of
@@ -135,11 +137,13 @@ class Yardstick:
         progress: bool = True,
         options: Mapping[str, Any] | None = None,
         metrics: str = "all",
+        named: bool = False,
     ):
         self.source = source
         self.metrics = metrics
         self.options = dict(options or {})
         self._folder = folder
+        self._named = named
         self._progress = progress
         self._instrument: Any = None
         self._references: dict[Any, Any] = {}
@@ -158,7 +162,9 @@ class Yardstick:
             if self.pictures:
                 if self._folder is None:
                     self._folder = results.temporary_folder(self)
-                store = store_for(self.source, "full", self.options, self._folder, progress=self._progress)
+                store = store_for(
+                    self.source, "full", self.options, self._folder, progress=self._progress, named=self._named
+                )
                 session = store.core.session(still(store.method, {}))
             self._instrument = _core.Instrument(self.source.rows_core, session)
         return self._instrument
@@ -202,7 +208,10 @@ def still(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 def store_file(source: HeightField, method: str, options: Mapping[str, Any], folder: Path) -> Path:
     """Where `store_for` keeps the store of a source, method and build options."""
     resolved = _core.resolve_options(method, "build", dict(options))
-    digest = results.short_hash({"source": source.hash(), "options": resolved})
+    colours = attribute_hash(resolved)
+    digest = results.short_hash(
+        {"source": source.hash(), "options": resolved, **({"files": colours} if colours else {})}
+    )
     return folder / f"{method}-{digest}.lod"
 
 
@@ -213,21 +222,41 @@ def store_for(
     folder: Path,
     *,
     progress: bool = True,
+    named: bool = False,
 ) -> Store:
     """The store of a source, method and build options in a `stores/` folder.
 
-    Reused when it is there with the same source and options; an interrupted build is taken up.
+    Reused when it is there with the same source, options and colours; an interrupted build is taken up. `named`: the
+    user's own folder, where a store of any name is reused, but for those with colours, whose raster may have
+    changed since.
     """
     resolved = _core.resolve_options(method, "build", dict(options))
     folder.mkdir(parents=True, exist_ok=True)
     file = store_file(source, method, resolved, folder)
+
+    def fits(store: Store) -> bool:
+        return store.method == method and store.source_hash == source.hash() and store.options == resolved
+
+    user = named and not attribute_hash(resolved) and not file.exists()
+    for store in map(_opened, sorted(folder.glob("*.lod")) if user else []):
+        if store is not None and fits(store):
+            store.attach(source)
+            return store
     if file.exists():
         store = open(file)
-        if store.method == method and store.source_hash == source.hash() and store.options == resolved:
+        if fits(store):
             store.attach(source)
             return store
         raise StoreError(f"stores: {file} is not the store that its name says; remove it")
     return build(source, method, file, mode="resume", progress=progress, **resolved)
+
+
+def _opened(file: Path) -> Store | None:
+    """A store, or None for a file that is none, or not yet."""
+    try:
+        return open(file)
+    except StoreError:
+        return None
 
 
 # ---- the two passes -------------------------------------------------------------------------------
@@ -298,6 +327,11 @@ def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Map
     budget = flight.budget if table["budgets"] else {}
     device = _core.gl_info()["renderer"]
     options = results.options_text({**store.options, **flight.options})
+    hashes = {
+        "source_hash": store.source_hash,
+        "poses_hash": poses_hash(recording.views),
+        "attribute_hash": attribute_hash(store.options),
+    }
     rows = []
     for f, (cut, cost) in enumerate(zip(recording.cuts, recording.costs, strict=True)):
         accuracy = dict.fromkeys(results.ACCURACY_COLUMNS, math.nan) | measured.get(f, {})
@@ -323,6 +357,7 @@ def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Map
                 "gpu_clock": cost["gpu_clock"],
                 "filler_triangles": cut.filler_triangles,
                 "slack_px": pixel_slack(recording.views[f]),
+                **hashes,
             }
         )
     return rows
@@ -405,6 +440,12 @@ def perform(
     if indices and yardstick is None:
         yardstick = Yardstick(store.source, options=look_of(store), metrics=flight.metrics)
     session, recording = timed(store, views, flight, tick=tick)
+    if missing := sum(cut.missing_nodes > 0 for cut in recording.cuts):
+        warnings.warn(
+            f"run {flight.name}: {missing} of {len(views)} frames drew coarser stand-ins for data that was not there "
+            "yet (stream=true); such rows do not repeat",
+            stacklevel=3,
+        )
     if flight.options.get("stream", False):
         session = store.core.session(still(store.method, flight.options))
     measured: dict[int, dict[str, Any]] = {}

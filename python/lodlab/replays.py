@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from . import results
-from .errors import InvalidInput, StoreError
+from .errors import InvalidInput
+from .identity import attribute_hash, path_in, poses_hash, source_in
 from .passes import Flown, Recording, Yardstick, check_budget, look_of, make_path, still, store_file, store_for
-from .sources import as_source
 from .stores import options_of
 
 _ALL = "fly with images='all' to keep its pictures"
@@ -24,8 +24,8 @@ _ALL = "fly with images='all' to keep its pictures"
 def fly_again(run: Any) -> Flown:
     """The cuts, views and instrument of a run in a run directory.
 
-    InvalidInput, with the reason, where they cannot be had: a streamed run, a source or path that was in memory, one
-    that has changed since.
+    InvalidInput, with the reason, where they cannot be had: a streamed run, an array that the directory did not keep,
+    a source, path or colour raster that has changed since.
     """
     directory, row = Path(run.directory), run.frames.iloc[0]
     where = f"image: run {run.name} in {directory}"
@@ -33,13 +33,18 @@ def fly_again(run: Any) -> Flown:
     if row["stream"]:
         raise InvalidInput(f"{where}: it streamed, and what was loaded in time is not written down; {_ALL}")
     try:
-        source = as_source(row["source"])
-        path = make_path(row["path"], source, len(run.frames), config.get("fov"))
+        source = source_in(directory, row["source"])
+        path = make_path(path_in(directory, row["path"]), source, len(run.frames), config.get("fov"))
     except (ValueError, OSError) as error:
         raise InvalidInput(f"{where}: it cannot be drawn again: {error}; {_ALL}") from error
-    _check_source(where, directory, row["source"], source)
+    views = list(path.views(tuple(config["size"]), config.get("fov")))
     options, method = json.loads(row["options"]), row["method"]
     build = {name: options[name] for name in options_of(method, "build")}
+    now = {"source": source.hash(), "poses": poses_hash(views), "attribute": attribute_hash(build)}
+    for what, value in now.items():
+        known = row[f"{what}_hash"]
+        if known != value:
+            raise InvalidInput(f"{where}: its {what} has changed since: hash {value} instead of {known}; {_ALL}")
     stores = directory / "stores"
     if not store_file(source, method, build, stores).exists():
         stores = results.temporary_folder(run)
@@ -48,26 +53,13 @@ def fly_again(run: Any) -> Flown:
     limits = {kind: row[f"budget_{kind}"] for kind in ("pixel_error", "triangles", "nodes")}
     given = {k: v if k == "pixel_error" else int(v) for k, v in limits.items() if not math.isnan(v)}
     budget = check_budget(method, given)
-    views = list(path.views(tuple(config["size"]), config.get("fov")))
     cuts = [session.select(view, budget) for view in views]
     for f, (cut, wanted) in enumerate(zip(cuts, run.frames["triangles"], strict=True)):
         if cut.triangles != wanted:
             raise InvalidInput(
-                f"{where}: frame {f} had {wanted:.0f} triangles and now has {cut.triangles}: its path {row['path']} is "
-                f"another one, or the program is; {_ALL}"
+                f"{where}: frame {f} had {wanted:.0f} triangles and now has {cut.triangles}: the program is another "
+                f"one; {_ALL}"
             )
     yardstick = Yardstick(source, stores, False, look_of(store), config.get("metrics", "all"))
     measured = bool(run.frames["accuracy"].any())
     return Flown([], Recording(views, cuts, [], np.empty((0, len(views), 3))), session, yardstick if measured else None)
-
-
-def _check_source(where: str, directory: Path, name: str, source: Any) -> None:
-    """InvalidInput when a source is not one that the run directory was made of."""
-    file = directory / "provenance.json"
-    try:
-        sources = json.loads(file.read_text())["sources"]
-    except (OSError, ValueError, KeyError) as error:
-        raise StoreError(f"{where}: {file} cannot be read: {error}") from error
-    known = sources.get(name)
-    if known != source.hash():
-        raise InvalidInput(f"{where}: source {name} has changed since: hash {source.hash()} instead of {known}; {_ALL}")

@@ -172,9 +172,19 @@ def _strips(result: Sweep) -> str:
 # ---- the page -------------------------------------------------------------------------------------
 
 
-def _provenance(folder: Path, summary: Any) -> str:
+def _jobs_note(folder: Path) -> str:
+    """Beside the table of times, where they were not taken one run at a time."""
+    jobs = _record(folder).get("jobs", [])
+    return f" These are {_jobs_text(jobs)}." if jobs and max(jobs) > 1 else ""
+
+
+def _record(folder: Path) -> dict[str, Any]:
     file = folder / "provenance.json"
-    record = json.loads(file.read_text()) if file.exists() else {}
+    return json.loads(file.read_text()) if file.exists() else {}
+
+
+def _provenance(folder: Path, summary: Any) -> str:
+    record = _record(folder)
     gl, host = record.get("gl", {}), record.get("machine", {})
     memory = host.get("memory_bytes", 0) / 2**30
     libraries = ", ".join(f"{k} {v}" for k, v in sorted(record.get("libraries", {}).items()))
@@ -189,10 +199,20 @@ def _provenance(folder: Path, summary: Any) -> str:
         ("Python", host.get("python", "?")),
         ("libraries", libraries),
         *(("source", f"{name}, hash {value}") for name, value in record.get("sources", {}).items()),
+        ("jobs", _jobs_text(record.get("jobs", []))),
         ("options hash", record.get("options_hash", "?")),
         ("start, end", f"{record.get('start', '?')} to {record.get('end', '?')}"),
     ]
     return "<dl>" + "".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(str(v))}</dd>" for k, v in rows) + "</dl>"
+
+
+def _jobs_text(jobs: list[int]) -> str:
+    """With how many runs at a time the times of a directory were taken."""
+    if not jobs:
+        return "not known"
+    many = _join(map(str, jobs))
+    shared = "; runs that share the machine slow one another, so compare their times with care" if max(jobs) > 1 else ""
+    return f"times taken with {many} run{'s' if max(jobs) > 1 else ''} at a time{shared}"
 
 
 _CLOCKS = {
@@ -230,7 +250,7 @@ def write(directory: str | os.PathLike[str]) -> Path:
         ),
         lead=_LEAD,
         pareto=pareto,
-        table_note=_TABLE_NOTE,
+        table_note=_TABLE_NOTE + _jobs_note(folder),
         noise=noise_text(result.noise),
         table=summary_table(summary, broken_by_run(verdicts)),
         laws="".join(f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in verdicts),

@@ -6,7 +6,8 @@
 
 Invariant: a run counts as done when its row stands in `summary.csv`. Its frames are appended (and
 synced) before that row, so a killed sweep leaves at most frames without a summary; they are dropped when
-the directory is opened for writing again, and the run is repeated.
+the directory is opened for writing again, and the run is repeated. A run is known by what decides its rows, not
+by its name: a grid that grows may rename what is done.
 
 Longer than other files: columns, tables, provenance and resumption rest on that one invariant.
 """
@@ -27,6 +28,7 @@ import tempfile
 import tomllib
 import warnings
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
@@ -36,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from . import statistics
-from .columns import COSTS, EXTRAS, FLAG, KEYS, NOISE, TEXT
+from .columns import COSTS, EXTRAS, FLAG, HASHES, KEYS, NOISE, TEXT
 from .errors import InvalidInput, StoreError
 from .metrics import METRICS
 
@@ -46,16 +48,19 @@ TIME_COLUMNS = ("select_ms", "gpu_ms", "frame_ms")
 ACCURACY_COLUMNS = tuple(metric.name for metric in METRICS)
 SMALLER_IS_WORSE = tuple(metric.name for metric in METRICS if metric.smaller_is_worse)
 EXTRA_COLUMNS = tuple(column.name for column in EXTRAS)
-FRAME_COLUMNS = KEY_COLUMNS + COST_COLUMNS + ACCURACY_COLUMNS + EXTRA_COLUMNS
+HASH_COLUMNS = tuple(column.name for column in HASHES)
+FRAME_COLUMNS = KEY_COLUMNS + COST_COLUMNS + ACCURACY_COLUMNS + EXTRA_COLUMNS + HASH_COLUMNS
+OPTION = "option."  # `summary.csv` has a column more for every option that some run has
 SUMMARY_COLUMNS = (
     tuple(c for c in KEY_COLUMNS if c != "frame")
     + tuple(f"{c}_{s}" for c in COST_COLUMNS for s in ("median", "p95", "p99"))
     + tuple(f"{c}_{s}" for c in ACCURACY_COLUMNS for s in ("worst", "median"))
     + ("store_bytes", "build_seconds", "gpu_clock", "frames", "accuracy_frames")
     + tuple(f"{c}_median_{s}" for c in TIME_COLUMNS for s in ("low", "high"))
+    + HASH_COLUMNS
 )
 NOISE_COLUMNS = tuple(column.name for column in NOISE)
-_TABLES = (*KEYS, *EXTRAS, *NOISE)
+_TABLES = (*KEYS, *EXTRAS, *HASHES, *NOISE)
 TEXT_COLUMNS = tuple(dict.fromkeys(column.name for column in _TABLES if column.unit == TEXT))
 _FLAG_COLUMNS = tuple(column.name for column in _TABLES if column.unit == FLAG)
 
@@ -133,7 +138,23 @@ def summarize(
         times = np.array([[[r[c] for c in TIME_COLUMNS] for r in rows]], dtype=np.float64)
     for column, (low, high) in zip(TIME_COLUMNS, statistics.median_intervals(times).T.tolist(), strict=True):
         out[f"{column}_median_low"], out[f"{column}_median_high"] = low, high
+    out.update({column: first[column] for column in HASH_COLUMNS})
+    out.update({f"{OPTION}{name}": value for name, value in json.loads(first["options"]).items()})
     return out
+
+
+def summary_columns(rows: Iterable[Mapping[str, Any]], known: Sequence[str] = ()) -> tuple[str, ...]:
+    """The columns of a summary of these rows: SUMMARY_COLUMNS, those of options that are `known` already, then new
+    ones in the order of their names."""
+    known = [c for c in known if c.startswith(OPTION)]
+    new = {c for row in rows for c in row if c.startswith(OPTION)} - set(known)
+    return (*SUMMARY_COLUMNS, *known, *sorted(new))
+
+
+def summary_table(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Summary rows as a DataFrame that equals the one read back from `summary.csv`."""
+    columns = summary_columns(rows)
+    return table([{c: row.get(c) for c in columns} for row in rows], columns)
 
 
 def read_table(path: Path | str) -> Any:
@@ -281,13 +302,18 @@ def now() -> str:
 
 
 class RunDirectory:
-    """One run directory, open for writing by one process at a time."""
+    """One run directory, open for writing by one process at a time.
 
-    def __init__(self, path: Path | str, config: Mapping[str, Any]):
-        """Creates the directory, or takes up the one that holds the same configuration.
+    `config`: the configuration that stands in it, None where no run is finished yet. `done`: the summary row of
+    each finished run by its name, as text. Whoever opens it makes one configuration of what stands there and what
+    is to be flown (`configs.grow`), and calls `begin` with it before anything is written.
+    """
 
-        Raises InvalidInput when it holds finished runs of another configuration or files that are not a run's;
-        StoreError when another process is writing to it.
+    def __init__(self, path: Path | str):
+        """Creates the directory, or takes up one.
+
+        Raises InvalidInput when it holds files that are not a run's; StoreError when another process is writing
+        to it.
         """
         self.path = Path(path)
         if self.path.exists() and not self.path.is_dir():
@@ -300,42 +326,62 @@ class RunDirectory:
             self._lock.close()
             raise StoreError(f"run directory: another process is writing to {self.path}") from None
         try:
-            self._take_up(config)
+            self._take_up()
         except BaseException:
             self.close()
             raise
 
-    def _take_up(self, config: Mapping[str, Any]) -> None:
-        text = toml_text(config)
-        file = self.path / "config.toml"
+    def _take_up(self) -> None:
         self.done = self._settle()
-        if file.exists():
-            difference = first_difference(read_config(file), tomllib.loads(text))
-            if difference and not self.done:  # a run that failed before its end: nothing to keep
-                write_atomic(file, HEAD + text)
-            elif difference:
-                raise InvalidInput(
-                    f"run directory: {self.path} holds a run with another configuration ({difference}); "
-                    "choose another directory or remove this one"
-                )
-        else:
-            if (self.path / "frames.csv").exists():
-                raise InvalidInput(f"run directory: {self.path} holds frames.csv without config.toml; choose another")
-            write_atomic(file, HEAD + text)
-        for name, columns in (("frames.csv", FRAME_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
-            if not self._read(name):
-                write_atomic(self.path / name, ",".join(columns) + "\r\n")
+        file = self.path / "config.toml"
+        if not file.exists() and (self.path / "frames.csv").exists():
+            raise InvalidInput(f"run directory: {self.path} holds frames.csv without config.toml; choose another")
+        self.config = read_config(file) if self.done else None
 
-    def _settle(self) -> set[str]:
-        """Drops what a killed process left half-written; the names of the runs that are complete."""
+    def begin(self, config: Mapping[str, Any], options: Iterable[str], names: Mapping[str, str]) -> None:
+        """Writes the configuration, and the heads of the tables with a column for each of these options. Finished
+        runs take the names that they have in it (`names`: old to new)."""
+        file, text = self.path / "config.toml", HEAD + toml_text(config)
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            write_atomic(file, text)
+        (head, *rows) = self._read("summary.csv") or [()]
+        self._columns = summary_columns([{f"{OPTION}{name}": None for name in options}], head)
+        self._write("summary.csv", [self._columns, *([*row, *[""] * (len(self._columns) - len(head))] for row in rows)])
+        if not self._read("frames.csv"):
+            write_atomic(self.path / "frames.csv", ",".join(FRAME_COLUMNS) + "\r\n")
+        self._rename({old: new for old, new in names.items() if old != new})
+
+    def _rename(self, names: Mapping[str, str]) -> None:
+        """A process that is killed between two steps leaves runs that are flown again, and no false row."""
+        if not names:
+            return
+        images = self.path / "images"
+        folders = [(f"{old}{end}", f"{new}{end}") for old, new in names.items() for end in ("", ".worst")]
+        moved = [(images / f".{old}", images / new) for old, new in folders if (images / old).is_dir()]
+        for temporary, _ in moved:
+            (images / temporary.name[1:]).rename(temporary)
+        for temporary, new in moved:
+            shutil.rmtree(new, ignore_errors=True)
+            temporary.rename(new)
+        for name in ("frames.csv", "summary.csv"):
+            rows = self._read(name)
+            self._write(name, rows[:1] + [[names.get(row[0], row[0]), *row[1:]] for row in rows[1:]])
+        self.done = {names.get(old, old): {**row, "run": names.get(old, old)} for old, row in self.done.items()}
+
+    def _settle(self) -> dict[str, dict[str, str]]:
+        """Drops what a killed process left half-written; the summary rows of the runs that are complete."""
         for name, columns in (("frames.csv", FRAME_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
             rows = self._read(name)
-            if rows and tuple(rows[0]) != columns:
+            more = rows[0][len(columns) :] if rows and name == "summary.csv" else []
+            if rows and (*columns, *(c for c in more if c.startswith(OPTION))) != tuple(rows[0]):
                 raise InvalidInput(
                     f"run directory: {self.path / name} has other columns than this version writes; "
                     "choose another directory"
                 )
-        done = {row[0] for row in self._read("summary.csv")[1:]}
+        there = Counter(row[0] for row in self._read("frames.csv")[1:])
+        head, *rows = self._read("summary.csv") or [[]]
+        found = [dict(zip(head, row, strict=True)) for row in rows]
+        done = {row["run"]: row for row in found if there[row["run"]] == int(row["frames"])}
         for name in ("frames.csv", "summary.csv"):
             if (self.path / name).exists():
                 rows = self._read(name)
@@ -355,14 +401,15 @@ class RunDirectory:
     def _write(self, name: str, rows: Sequence[Sequence[str]]) -> None:
         text = io.StringIO(newline="")
         csv.writer(text).writerows(rows)
-        if (self.path / name).read_bytes() != text.getvalue().encode():
+        file = self.path / name
+        if not file.exists() or file.read_bytes() != text.getvalue().encode():
             write_atomic(self.path / name, text.getvalue())
 
     def append(self, frames: Sequence[Mapping[str, Any]], summary: Mapping[str, Any]) -> None:
         """Adds a finished run: its frames, then its summary, each synced to disk."""
-        for name, columns, rows in (("frames.csv", FRAME_COLUMNS, frames), ("summary.csv", SUMMARY_COLUMNS, [summary])):
+        for name, columns, rows in (("frames.csv", FRAME_COLUMNS, frames), ("summary.csv", self._columns, [summary])):
             text = io.StringIO(newline="")
-            csv.writer(text).writerows([cell(row[c]) for c in columns] for row in rows)
+            csv.writer(text).writerows([cell(row.get(c)) for c in columns] for row in rows)
             try:
                 with (self.path / name).open("ab") as file:
                     file.write(text.getvalue().encode())
@@ -370,7 +417,7 @@ class RunDirectory:
                     os.fsync(file.fileno())
             except OSError as error:
                 raise OSError(error.errno, error.strerror, os.fspath(self.path / name)) from None
-        self.done.add(summary["run"])
+        self.done[summary["run"]] = {c: cell(value) for c, value in summary.items()}
 
     def arrange(self, order: Sequence[str]) -> None:
         """Puts the rows of both tables into the order of the configuration's runs."""
@@ -398,6 +445,7 @@ class RunDirectory:
             **values,
         }
         record["sources"] = {**old.get("sources", {}), **values.get("sources", {})}
+        record["jobs"] = sorted({*old.get("jobs", []), *values.get("jobs", [])})
         record["end"] = now()
         write_atomic(file, json.dumps(record, indent=2) + "\n")
 

@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from . import _core, pictures, results
 from .errors import InvalidInput
+from .flights import BUILT_IN
+from .identity import KEPT_MB, hash_list, keep_array, keep_file, poses_hash, rasters, take_path
 from .movies import FPS, Animation
 from .passes import (
     PICTURE_SAMPLES,
@@ -62,7 +66,7 @@ class Run:
 
         `show`: shade, normal, level, wire, reference, or error (measured, in pixels, with its scale below). A run read
         from disk shows the pictures that it wrote; others are drawn again from its source and path, and InvalidInput
-        says why where that cannot be: streamed runs, sources and paths that were in memory or have changed.
+        says why where that cannot be: streamed runs, arrays that were too large to keep, what has changed since.
         """
         f = worst_frame(self.frames.to_dict("records")) if frame is None else int(frame)
         if not 0 <= f < len(self.frames):
@@ -116,9 +120,11 @@ class Run:
 
     def __repr__(self) -> str:
         s = self.summary
+        worst = s["measured_px_max_worst"]
+        seen = f"worst {worst:.3g} px" if not math.isnan(worst) else "nothing in view"
         return (
             f"<lodlab.Run {self.name}: {len(self.frames)} frames, median {s['frame_ms_median']:.3g} ms, "
-            f"{s['triangles_median']:.0f} triangles, worst {s['measured_px_max_worst']:.3g} px>"
+            f"{s['triangles_median']:.0f} triangles, {seen if s['accuracy_frames'] else 'not measured'}>"
         )
 
     def _repr_html_(self) -> str:
@@ -150,6 +156,32 @@ def load(directory: str | os.PathLike[str], name: str | None = None) -> Run:
     return run
 
 
+def _enter(
+    directory: results.RunDirectory, store: Store, track: CameraPath, flight: Flight, device: str | None
+) -> Flight:
+    """The flight under the names that the directory has for it, which keeps what it rests on."""
+    from .configs import Task, enter, flight_config
+
+    field = store._source  # at hand, or not needed
+    if track.name == Path(flight.path).stem and flight.path.lower().endswith((".toml", ".json")):
+        path = keep_file(directory.path, Path(flight.path), directory.config is None)
+    elif flight.path in BUILT_IN and field is None:
+        path = flight.path  # by its name, or like it: there is nothing to compare it over
+    else:
+        path = take_path(directory, track, [] if field is None else [field], flight.size, flight.fov)
+    flight = replace(flight, path=path)
+    found = {
+        ("source", flight.source): store.source_hash,
+        ("path", f"{path} over {flight.source}"): poses_hash(track.views(flight.size, flight.fov)),
+        **rasters(store.options),
+    }
+    _, tasks = enter(directory, flight_config(store, flight, device), lambda _: hash_list(found))
+    if field is not None:
+        keep_array(directory.path, flight.source, field, KEPT_MB)
+    key = Task(flight, store.method, store.options).key
+    return next(task.flight for task in tasks if task.key == key)
+
+
 def fly(
     store: Store,
     path: Any = "flyover",
@@ -163,6 +195,7 @@ def fly(
     images: str | None = None,
     metrics: str = "all",
     out: str | os.PathLike[str] | None = None,
+    stores: str | os.PathLike[str] | None = None,
     device: str | None = None,
     source: Any = None,
     progress: bool = True,
@@ -174,12 +207,13 @@ def fly(
     files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames are
     measured; 0 needs no source. `repeat`: timing passes. `images`: all, worst or none (default worst with `out`,
     else none). `metrics`: all, or geometry, for which no picture is drawn to measure (columns that need one are
-    nan, and whether the capture is what was drawn is not looked at). `out`: run directory. `options`: the method's
-    draw options.
+    nan, and whether the capture is what was drawn is not looked at). `out`: run directory; `stores`: a folder of
+    stores to be reused, for the reference (by default the run directory's). `options`: the method's draw options.
 
     Raises InvalidInput and Unsupported for what the user got wrong, CaptureMismatch (after the results are
     written) when a capture was not what was drawn. Warns of every law that the rows break (BrokenPromise), after the
-    results are written. A directory that holds this very run already is read.
+    results are written. A directory that holds this very run already is read; one of other runs grows by it, unless
+    they contradict (`lodlab.sweep`).
     """
     from tqdm.auto import tqdm
 
@@ -213,8 +247,8 @@ def fly(
     track.view(0, flight.size, fov)
     yardstick = None
     if accuracy_frames > 0:
-        stores = Path(out) / "stores" if out is not None else None
-        yardstick = Yardstick(store.source, stores, progress, look_of(store), metrics)
+        folder = Path(stores) if stores is not None else Path(out) / "stores" if out is not None else None
+        yardstick = Yardstick(store.source, folder, progress, look_of(store), metrics, stores is not None)
 
     def finish(flown: Flown) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         return flown.rows, summary_of(flown, store)
@@ -225,15 +259,15 @@ def fly(
             flown = perform(store, track, flight, yardstick=yardstick, tick=bar.update)
             rows, summary = finish(flown)
         else:
-            from .configs import flight_config
             from .report import write as write_report
 
-            with results.RunDirectory(out, flight_config(store, flight, device)) as directory:
+            with results.RunDirectory(out) as directory:
+                flight = _enter(directory, store, track, flight, device)
                 if flight.name in directory.done:
                     run = load(directory.path, flight.name)
                     tell_broken(run.frames)
                     return run
-                directory.provenance(gl=_core.gl_info(), libraries=_core.libraries())
+                directory.provenance(gl=_core.gl_info(), libraries=_core.libraries(), jobs=[1])
                 flown = perform(store, track, flight, yardstick=yardstick, folder=directory.path, tick=bar.update)
                 rows, summary = finish(flown)
                 directory.append(rows, summary)

@@ -251,8 +251,8 @@ class Store:
 
     @property
     def bytes(self) -> int:
-        """Size of the file."""
-        return self.path.stat().st_size
+        """Bytes of its pages and arrays: the same for equal builds, whatever room the database file has."""
+        return self.info()["bytes"]
 
     @property
     def source(self) -> HeightField:
@@ -294,10 +294,9 @@ class Store:
 
     @property
     def default_session(self) -> Session:
-        """The session behind `select`, `cut`, `draw` and `capture`: everything loaded, other options default."""
+        """The session behind `select`, `cut`, `draw` and `capture`, with default options."""
         if self._session is None:
-            loaded = {"stream": False} if "stream" in options_of(self.method, "draw") else {}
-            self._session = self.session(**loaded)
+            self._session = self.session()
         return self._session
 
     def select(self, view: Any, budget: Any) -> Cut:

@@ -18,9 +18,22 @@ from pathlib import Path
 from typing import Any
 
 from . import _core, results, statistics
-from .configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, Task, freeze, plan
+from .configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, Task, enter, freeze, plan
 from .errors import InvalidInput, Unsupported
 from .heightfield import HeightField
+from .identity import (
+    KEPT_MB,
+    check_hashes,
+    hash_list,
+    keep_array,
+    keep_file,
+    kept_array,
+    path_in,
+    poses_hash,
+    rasters,
+    source_in,
+    take_path,
+)
 from .passes import (
     Flight,
     Yardstick,
@@ -36,19 +49,20 @@ from .passes import (
 )
 from .paths import CameraPath
 from .runs import Run
-from .sources import as_source
+from .sources import as_source, parse
 from .stores import Store, method_table
 
 
 class Workshop:
-    """Makes runs, one after the other; keeps the source, its yardstick and its stores between them."""
+    """Makes runs, one after the other; keeps the source, its yardstick and its stores between them. `stores`: the
+    user's own folder of stores, or None for the run directory's."""
 
     def __init__(
-        self, folder: Path, sources: Mapping[str, HeightField], paths: Mapping[str, CameraPath], progress: bool
-    ):
+        self, folder: Path, sources: Mapping[str, HeightField], progress: bool, stores: Path | None = None
+    ):  # fmt: skip
         self.folder = folder
         self.sources = dict(sources)
-        self._paths = dict(paths)
+        self.stores = stores
         self._progress = progress
         self._name: str | None = None
         self._source: HeightField | None = None
@@ -58,27 +72,31 @@ class Workshop:
         """The source of a task, loaded once while tasks of the same source follow each other."""
         if self._name != name or self._source is None:
             self._yardsticks.clear()
-            self._source = self.sources[name] if name in self.sources else as_source(name)
+            self._source = self.sources[name] if name in self.sources else source_in(self.folder, name)
             self._name = name
         return self._source
 
     def path(self, flight: Flight) -> CameraPath:
-        """The path of a task."""
-        named = self._paths.get(flight.path, flight.path)
+        """The path of a task: a built-in one, or key frames that the directory keeps."""
+        named = path_in(self.folder, flight.path)
         return make_path(named, self.source(flight.source), flight.frames, flight.fov)
+
+    def store_of(self, source: HeightField, method: str, options: Mapping[str, Any]) -> Store:
+        """A store, built when it is not there."""
+        folder, named = self.stores or self.folder / "stores", self.stores is not None
+        return store_for(source, method, options, folder, progress=self._progress, named=named)
 
     def prepare(self, task: Task) -> Store:
         """The store of a task, built when it is not there."""
-        source = self.source(task.flight.source)
-        stores = self.folder / "stores"
-        return store_for(source, task.method, task.build_options, stores, progress=self._progress)
+        return self.store_of(self.source(task.flight.source), task.method, task.build_options)
 
     def yardstick(self, store: Store, metrics: str) -> Yardstick:
         """What a store's cuts are measured against; one for all stores that look alike."""
         look = look_of(store)
         key = results.options_text(look)
         if key not in self._yardsticks:
-            self._yardsticks[key] = Yardstick(store.source, self.folder / "stores", self._progress, look, metrics)
+            folder, named = self.stores or self.folder / "stores", self.stores is not None
+            self._yardsticks[key] = Yardstick(store.source, folder, self._progress, look, metrics, named)
         return self._yardsticks[key]
 
     def make(self, task: Task, tick: Callable[[], Any]) -> dict[str, Any]:
@@ -112,7 +130,9 @@ class Workshop:
 _workshop: Workshop | None = None
 
 
-def _worker_start(folder: str, sources: Mapping[str, HeightField], device: str, threads: int) -> None:
+def _worker_start(
+    folder: str, sources: Mapping[str, HeightField], stores: Path | None, device: str, threads: int
+) -> None:  # fmt: skip
     """In a spawned process: leave Ctrl-C to the parent, and end with it."""
     global _workshop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -126,7 +146,7 @@ def _worker_start(folder: str, sources: Mapping[str, HeightField], device: str, 
     _core.set_thread_count(threads)
     if device:
         _core.choose_device(device)
-    _workshop = Workshop(Path(folder), sources, {}, progress=False)
+    _workshop = Workshop(Path(folder), sources, False, stores)
 
 
 def _worker_make(task: Task) -> dict[str, Any]:
@@ -152,7 +172,7 @@ def _side_by_side(
         bar.set_postfix_str(f"store of {task.flight.name}")
         store = workshop.prepare(task)
         if task.flight.accuracy_frames and task.flight.metrics == "all":
-            store_for(store.source, "full", look_of(store), workshop.folder / "stores", progress=False)
+            workshop.store_of(store.source, "full", look_of(store))
     bar.set_postfix_str(f"{jobs} jobs")
     in_memory = {name: source for name, source in workshop.sources.items() if not source.spec}
     before = set(multiprocessing.active_children())
@@ -160,7 +180,13 @@ def _side_by_side(
         max_workers=min(jobs, len(tasks)),
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_worker_start,
-        initargs=(os.fspath(workshop.folder), in_memory, device, max(1, _core.thread_count() // jobs)),
+        initargs=(
+            os.fspath(workshop.folder),
+            in_memory,
+            workshop.stores,
+            device,
+            max(1, _core.thread_count() // jobs),
+        ),  # fmt: skip
     )
     try:
         futures = {pool.submit(_worker_make, task): task for task in tasks}
@@ -212,7 +238,7 @@ class Sweep:
         if not runs:
             raise InvalidInput("sweep: no runs")
         frames = pd.concat([run.frames for run in runs], ignore_index=True)
-        return cls(None, frames, results.table([run.summary for run in runs], results.SUMMARY_COLUMNS))
+        return cls(None, frames, results.summary_table([run.summary for run in runs]))
 
     @property
     def runs(self) -> list[str]:
@@ -244,15 +270,20 @@ def sweep(
     metrics: str | None = None,
     sources: Mapping[str, Any] | None = None,
     paths: Mapping[str, CameraPath] | None = None,
+    stores: str | os.PathLike[str] | None = None,
+    keep_mb: float = KEPT_MB,
     progress: bool = True,
 ) -> Sweep:
     """Makes every run of a configuration.
 
     `config`: a dict or TOML file as above; or a list of Run, which are put together. `out`: the run
-    directory; a sweep that was stopped goes on where it stopped, another configuration in it is refused;
-    without it, results live as long as the Sweep. `jobs`: spawned worker processes. `metrics`: all or geometry,
-    instead of the configuration's. `sources`,
-    `paths`: those in memory, by their names in the configuration.
+    directory; a sweep that was stopped goes on where it stopped, and a directory's grid grows by more sources,
+    paths, methods, options and budgets: what is done stays. What contradicts is refused: another number of frames,
+    size and the like, a source, path or colour raster that has changed under its name. Without `out`, results live
+    as long as the Sweep. `jobs`: spawned worker processes. `metrics`: all or geometry, instead of the
+    configuration's. `sources`, `paths`: those in memory, by their names in the configuration; the directory keeps
+    the paths, and sources of up to `keep_mb` (MiB), so that its `config.toml` is enough to fly it again. `stores`: a
+    folder of stores to be reused, and where new ones go.
 
     Warns of every law that a run breaks (BrokenPromise), after the results are written.
     """
@@ -264,19 +295,24 @@ def sweep(
         return Sweep.of(config)
     if jobs < 1:
         raise InvalidInput(f"sweep: jobs is {jobs}; it is at least 1")
-    if jobs > 1 and paths:
-        raise InvalidInput(f"sweep: jobs is {jobs}, but path {next(iter(paths))!r} is in memory; save it to a file")
     given = {name: as_source(value) for name, value in (sources or {}).items()}
     wanted = config if isinstance(config, Mapping) else results.read_config(config)
     frozen = freeze(wanted if metrics is None else {**wanted, "metrics": metrics})
+    beside = None if isinstance(config, Mapping) else Path(config).parent
     if frozen["device"]:
         _core.choose_device(frozen["device"])
-    tasks = plan(frozen)
     owner = _Owner()
-    with results.RunDirectory(results.temporary_folder(owner) if out is None else out, frozen) as directory:
-        workshop = Workshop(directory.path, given, paths or {}, progress)
-        _check_tasks(tasks, workshop)
-        _make_all(tasks, directory, workshop, jobs, frozen, progress)
+    with results.RunDirectory(results.temporary_folder(owner) if out is None else out) as directory:
+        workshop = Workshop(directory.path, given, progress, None if stores is None else Path(stores))
+        frozen = _take_in(frozen, directory, workshop, paths or {}, beside)
+        _check_tasks(plan(frozen), workshop)
+        check_hashes(
+            f"configuration{f' {config}' if beside else ''}", frozen["hashes"], _hashes(plan(frozen), workshop)
+        )
+        grown, tasks = enter(directory, frozen, lambda made: _hashes(made, workshop))
+        for text in frozen["sources"]:
+            keep_array(directory.path, text, workshop.source(text), keep_mb)
+        _make_all(tasks, directory, workshop, jobs, grown, progress)
         result = Sweep.load(directory.path)
         if out is not None:
             from .report import write
@@ -286,6 +322,57 @@ def sweep(
     tell_broken(result.frames)
     check_capture(result.frames)
     return result
+
+
+def _take_in(
+    config: Mapping[str, Any],
+    directory: results.RunDirectory,
+    workshop: Workshop,
+    paths: Mapping[str, CameraPath],
+    beside: Path | None,
+) -> dict[str, Any]:
+    """The configuration by names that hold in any folder: files by absolute names, key frames and what lies in memory
+    as the copies that the run directory keeps. `beside`: the folder of a configuration file."""
+    out = dict(config)
+    texts = {}
+    for text in config["sources"]:
+        kept = kept_array(beside, text) if beside is not None and text not in workshop.sources else None
+        if kept is not None:
+            workshop.sources[text] = kept
+        texts[text] = text if text in workshop.sources else _portable(text, workshop.source(text))
+    out["sources"] = list(dict.fromkeys(texts.values()))
+    out["hashes"] = [{**h, "name": texts.get(h["name"], h["name"])} for h in config["hashes"]]
+    out["paths"] = []
+    for text in config["paths"]:
+        if text in paths:
+            fields = [workshop.source(source) for source in config["sources"]]
+            text = take_path(directory, paths[text], fields, tuple(config["size"]), config["fov"])
+        elif text.lower().endswith((".toml", ".json")):
+            inside = None if beside is None else beside / text
+            file = inside if inside is not None and inside.is_file() else Path(text)
+            text = keep_file(directory.path, file, directory.config is None)
+        if text in out["paths"]:
+            raise InvalidInput(f"configuration: two paths have the name {Path(text).stem}; give one of them another")
+        out["paths"].append(text)
+    return out
+
+
+def _portable(text: str, field: HeightField) -> str:
+    """A SOURCE text that holds in any folder; a data set's stays as it was written."""
+    return field.spec if field.spec and parse(text).is_file else text
+
+
+def _hashes(tasks: Sequence[Task], workshop: Workshop) -> list[dict[str, str]]:
+    """What these runs rest on: sources, paths over them, colour rasters."""
+    found: dict[tuple[str, str], str] = {}
+    for task in sorted(tasks, key=lambda task: task.flight.source):
+        flight = task.flight
+        over = f"{flight.path} over {flight.source}"
+        if ("path", over) not in found:
+            found["source", flight.source] = workshop.source(flight.source).hash()
+            found["path", over] = poses_hash(workshop.path(flight).views(flight.size, flight.fov))
+        found |= rasters(task.build_options)
+    return hash_list(found)
 
 
 def _check_tasks(tasks: Sequence[Task], workshop: Workshop) -> None:
@@ -325,7 +412,9 @@ def _make_all(
     order = [task.flight.name for task in tasks]
     said: set[str] = set()
     todo = [task for task in tasks if task.flight.name not in directory.done]
-    directory.provenance(libraries=dict(_core.libraries()), options_hash=results.short_hash(dict(config)))
+    directory.provenance(
+        libraries=dict(_core.libraries()), options_hash=results.short_hash(dict(config)), jobs=[jobs] if todo else []
+    )  # fmt: skip
     noise = directory.path / "noise.csv"
     if todo:
         noise.unlink(missing_ok=True)
@@ -384,6 +473,8 @@ def compare(
     device: str | None = None,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
+    stores: str | os.PathLike[str] | None = None,
+    keep_mb: float = KEPT_MB,
     progress: bool = True,
 ) -> Sweep:
     """Every method that accepts the source, and `full`, over a grid of budgets.
@@ -415,7 +506,7 @@ def compare(
         "paths": [path_text(path)],
         "frames": len(path) if isinstance(path, CameraPath) else frames,
         "size": list(size),
-        "fov": fov,
+        "fov": path.fov if fov is None and isinstance(path, CameraPath) else fov,
         "accuracy_frames": accuracy_frames,
         "repeat": repeat,
         "images": images,
@@ -425,4 +516,7 @@ def compare(
         "methods": [{"name": m, "options": dict((options or {}).get(m, {}))} for m in methods],
     }
     paths = {path.name: path} if isinstance(path, CameraPath) else {}
-    return sweep(config, out=out, jobs=jobs, sources={name: field}, paths=paths, progress=progress)
+    return sweep(
+        config, out=out, jobs=jobs, sources={name: field}, paths=paths, stores=stores, keep_mb=keep_mb,
+        progress=progress,
+    )  # fmt: skip

@@ -55,7 +55,8 @@ TEST_CASE("a store reads back what was put") {
   CHECK(toy_is_right(*store));
   CHECK(store->format_version() == 1);
   CHECK(store->content_hash().size() == 32);
-  CHECK(store->file_bytes() == static_cast<int64_t>(fs::file_size(path)));
+  CHECK(store->bytes() > 0);
+  CHECK(store->bytes() < static_cast<int64_t>(fs::file_size(path)));
   CHECK(store->build_seconds() >= 0.0);
   CHECK(store->build_seconds() < 60.0);
   CHECK_NOTHROW(store->verify());
