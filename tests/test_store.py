@@ -116,7 +116,7 @@ def test_a_store_tells_what_it_is(field: lodlab.HeightField, tmp_path: Path) -> 
     assert info["options"] == store.options
     assert info["options"]["leaf"] == 16
     assert info["source_hash"] == store.source_hash == field.hash()
-    assert info["bytes"] == path.stat().st_size
+    assert 0 < info["bytes"] < path.stat().st_size
     assert info["bytes_per_sample"] == pytest.approx(info["bytes"] / (65 * 81), rel=1e-12)
     assert info["bytes_per_vertex"] > 0
     assert len(info["content_hash"]) == 32

@@ -104,6 +104,8 @@ def describe(name: str) -> Column:
     found = _FRAMES.get(name) or next((column for column in OF_RUNS if column.name == name), None)
     if found:
         return found
+    if name.startswith("option."):
+        return Column(name, TEXT, f"The option {name.removeprefix('option.')}; empty in runs that have none.")
     for end, (_, text) in STATISTICS.items():
         column = _FRAMES.get(name.removesuffix(end)) if name.endswith(end) else None
         if column is not None:
