@@ -18,8 +18,10 @@ using namespace lodlab::seamless;
 
 namespace {
 
-Options draw_options(const OptionValues& given) {
+/// Streaming, unless they say otherwise.
+Options draw_options(OptionValues given) {
   const MethodInfo& info = seamless_method().info();
+  given.emplace("stream", true);
   return resolve_options(info.name, info.options, Stage::kDraw, given);
 }
 

@@ -280,7 +280,7 @@ def test_streaming_settles_on_the_cut_of_loaded_data(terrain, adapt: str, budget
 )
 def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, adapt: str, budget: dict[str, float]) -> None:
     field, store, instrument = terrain
-    session = store.core.session({"adapt": adapt, "fetch_delay_ms": 200})
+    session = store.core.session({"stream": True, "adapt": adapt, "fetch_delay_ms": 200})
     for view in flyover_views(field, 5, size=(160, 90)):
         cut, row = session.time_frame(view, _core.Budget(**budget))
         assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"
@@ -293,7 +293,7 @@ def test_slow_storage_never_delays_a_frame_nor_opens_a_crack(terrain, adapt: str
 @pytest.mark.parametrize("adapt", ["topdown", "dual", "quad", "level", "exact"])
 def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small_tiles, adapt: str) -> None:
     field, _, instrument = terrain
-    session = small_tiles.core.session({"adapt": adapt, "cpu_cache_mb": 1, "gpu_cache_mb": 1})
+    session = small_tiles.core.session({"stream": True, "adapt": adapt, "cpu_cache_mb": 1, "gpu_cache_mb": 1})
     budget = _core.Budget(pixel_error=0.4) if adapt in ("topdown", "dual") else _core.Budget(triangles=60_000)
     uploads = 0
     for view in [*flyover_views(field, 7, size=(160, 90)), *reversed(flyover_views(field, 7, size=(160, 90)))]:
@@ -312,7 +312,10 @@ def test_small_caches_are_hard_limits_and_eviction_opens_no_crack(terrain, small
 def test_small_caches_are_hard_limits_on_planets_too(earth, tmp_path) -> None:
     field, _ = earth
     store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False, chart=128, levels=4, node_resolution=32)
-    instrument, session = _core.Instrument(field.core, None), store.core.session({"gpu_cache_mb": 3, "cpu_cache_mb": 3})
+    instrument, session = (
+        _core.Instrument(field.core, None),
+        store.core.session({"stream": True, "gpu_cache_mb": 3, "cpu_cache_mb": 3}),
+    )
     sides = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]]) * 1.5 * field.radius
     uploads = 0
     for view in [_core.View(tuple(side), (0.0, 0.0, 0.0), fov=100.0, size=(480, 300)) for side in sides]:

@@ -201,7 +201,7 @@ def test_a_coarser_tile_stands_in(mapped) -> None:
 def test_slow_storage_delays_no_frame(mapped) -> None:
     field, store = mapped
     instrument = _core.Instrument(field.core, None)
-    session = store.core.session({"fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
+    session = store.core.session({"stream": True, "fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
     for view in views(field, 5):
         cut, row = session.time_frame(view, BUDGET)
         assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"

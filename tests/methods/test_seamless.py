@@ -213,7 +213,7 @@ def test_selection_keeps_two_bytes_an_edge(lab: Lab) -> None:
 
 def test_parents_stand_in_for_what_is_missing_without_cracks(lab: Lab) -> None:
     loaded = lab.store.core.session({"stream": False})
-    session = lab.store.core.session({"fetch_delay_ms": 20})
+    session = lab.store.core.session({"stream": True, "fetch_delay_ms": 20})
     misses = 0
     for view in lab.views(10, size=(160, 90)):
         cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0))
@@ -273,7 +273,7 @@ def test_a_cold_session_keeps_hard_budgets_while_much_is_missing(tmp_path, budge
     """Where more patches are missing than are blocked one by one, everything becomes coarser, and stays so."""
     field = lod.HeightField(_core.fractal(513, 513, 0, 0, seed=4, roughness=0.5), spacing=30.0)
     store = lod.build(field, "seamless", tmp_path / "s.lod", patch=8, progress=False)
-    session = store.core.session({"fetch_delay_ms": 20})
+    session = store.core.session({"stream": True, "fetch_delay_ms": 20})
     for view in lod.CameraPath.flyover(field, frames=8).views((64, 40)):
         cut, row = session.time_frame(view, _core.Budget(**budget))
         assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)

@@ -150,7 +150,7 @@ def test_maps_come_while_one_flies(mapped) -> None:
 def test_slow_storage_delays_no_frame(mapped) -> None:
     field, store = mapped
     instrument = _core.Instrument(field.core, None)
-    session = store.core.session({"fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
+    session = store.core.session({"stream": True, "fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
     for view in views(field, 5):
         cut, row = session.time_frame(view, BUDGET)
         assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"
@@ -179,6 +179,6 @@ def test_memory_of_maps_is_within_the_budget(mapped, stream: bool) -> None:
 def test_caches_that_cannot_hold_the_coarsest_tiles_are_refused(mapped) -> None:
     _, store = mapped
     with pytest.raises(lod.errors.InvalidInput, match=r"those of the maps.* need gpu_cache_mb of at least \d+, not 1"):
-        store.core.session({"gpu_cache_mb": 1})
+        store.core.session({"stream": True, "gpu_cache_mb": 1})
     with pytest.raises(lod.errors.InvalidInput, match="upload_bytes=100000 cannot move a tile of a map of"):
         store.core.session({"upload_bytes": 100_000})
