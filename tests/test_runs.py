@@ -212,8 +212,9 @@ def test_a_run_read_from_disk_is_not_drawn_from_another_source_or_path(kept):
         with pytest.raises(InvalidInput, match=f"{message}.*images='all'"):
             run.image(1)
 
-    refused("has changed since: hash .* instead of", source="fractal:size=65,seed=4")
-    refused("frame 0 had .* triangles and now has .*: its path orbit is another one", path="orbit")
+    refused("its source has changed since: hash .* instead of", source="fractal:size=65,seed=4")
+    refused("its path has changed since: hash .* instead of", path="orbit")
+    refused("frame 0 had 1 triangles and now has .*: the program is another one", triangles=1)
     refused("it cannot be drawn again: .*", source="array:12345678")
     refused("it cannot be drawn again: .*", path="keys")
     refused("it streamed", stream=True)

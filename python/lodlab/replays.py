@@ -40,9 +40,13 @@ def fly_again(run: Any) -> Flown:
     views = list(path.views(tuple(config["size"]), config.get("fov")))
     options, method = json.loads(row["options"]), row["method"]
     build = {name: options[name] for name in options_of(method, "build")}
-    now = {"source": source.hash(), "poses": poses_hash(views), "attribute": attribute_hash(build)}
-    for what, value in now.items():
-        known = row[f"{what}_hash"]
+    now = {
+        "source": ("source", source.hash()),
+        "path": ("poses", poses_hash(views)),
+        "colour raster": ("attribute", attribute_hash(build)),
+    }
+    for what, (column, value) in now.items():
+        known = row[f"{column}_hash"]
         if known != value:
             raise InvalidInput(f"{where}: its {what} has changed since: hash {value} instead of {known}; {_ALL}")
     stores = directory / "stores"
