@@ -328,7 +328,7 @@ def print_runs(rows: Sequence[Any]) -> None:
 
 
 @app.command(
-    "compare", epilog="Example: lodlab compare jacksboro --out runs/jacksboro --pixel-errors 0.5,1,2 -o chunked.morph=false"
+    "compare", epilog="Example: lodlab compare jacksboro --out runs/mine --pixel-errors 0.5,1,2 -o chunked.morph=false"
 )
 def compare_command(
     source: SourceText,
