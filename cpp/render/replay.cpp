@@ -3,6 +3,8 @@
 
 #include <epoxy/gl.h>
 
+#include <bit>
+#include <cstring>
 #include <limits>
 
 #include "base/errors.h"
@@ -25,6 +27,32 @@ struct Tag {
 SurfaceProgram& replay_program() {
   static auto* program = new SurfaceProgram({{"vertex", "common/replay.vert"}});
   return *program;
+}
+
+struct Shared {
+  std::vector<uint32_t> indices, first_use;
+};
+
+/// Indices by which vertices that are equal to the last byte, and come again soon, are shaded once: emitted
+/// triangles name each vertex about six times. A table of the latest vertices by their hash, one a place.
+Shared share(const std::vector<CapturedVertex>& vertices) {
+  constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
+  constexpr int kPlacesLog2 = 14;
+  std::vector<uint32_t> latest(size_t{1} << kPlacesLog2, kNone);
+  Shared out;
+  out.indices.reserve(vertices.size());
+  for (size_t i = 0; i < vertices.size(); ++i) {
+    const CapturedVertex& v = vertices[i];
+    uint32_t hash = std::bit_cast<uint32_t>(v.x) * 0x9e3779b1u;
+    hash = (std::rotl(hash, 13) ^ std::bit_cast<uint32_t>(v.y)) * 0x85ebca77u;
+    uint32_t& place = latest[hash >> (32 - kPlacesLog2)];
+    if (place == kNone || std::memcmp(&vertices[out.first_use[place]], &v, sizeof v) != 0) {
+      place = static_cast<uint32_t>(out.first_use.size());
+      out.first_use.push_back(static_cast<uint32_t>(i));
+    }
+    out.indices.push_back(place);
+  }
+  return out;
 }
 
 }  // namespace
@@ -54,8 +82,15 @@ void StaticMesh::fill(const std::vector<CapturedVertex>& vertices, size_t count,
 }
 
 StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices) {
-  fill(vertices, vertices.size(), [](size_t i) { return i; });
-  corners_ = vertices_;
+  const Shared shared = share(vertices);
+  fill(vertices, shared.first_use.size(), [&](size_t i) { return shared.first_use[i]; });
+  put_indices(shared.indices);
+}
+
+void StaticMesh::put_indices(const std::vector<uint32_t>& indices) {
+  indices_ = gl::Buffer(indices);
+  array_.indices(indices_);
+  corners_ = static_cast<int64_t>(indices.size());
 }
 
 StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices, const std::vector<uint32_t>& indices,
@@ -71,10 +106,7 @@ StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices, const std::v
                          std::to_string(vertices.size()) + " captured");
   }
   fill(vertices, first_use.size(), [&](size_t i) { return first_use[i]; });
-  indices_ = gl::Buffer(indices);
-  array_.indices(indices_);
-  corners_ = static_cast<int64_t>(indices.size());
-  indexed_ = true;
+  put_indices(indices);
 }
 
 void StaticMesh::draw(Pass& pass, const FieldResources& field) {
@@ -83,12 +115,8 @@ void StaticMesh::draw(Pass& pass, const FieldResources& field) {
   }
   pass.use(replay_program(), field, {});
   array_.bind();
-  if (indexed_) {
-    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(corners_), GL_UNSIGNED_INT, nullptr);
-  } else {
-    glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners_));
-  }
-  gl::check(indexed_ ? "glDrawElements" : "glDrawArrays");
+  glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(corners_), GL_UNSIGNED_INT, nullptr);
+  gl::check("glDrawElements");
   pass.submitted.triangles += corners_ / 3;
   pass.submitted.vertices += vertices_;
   pass.submitted.draw_calls += 1;

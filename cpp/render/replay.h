@@ -12,7 +12,7 @@ namespace lodlab::render {
 
 class StaticMesh {
  public:
-  /// Every three vertices a triangle, drawn as they stand.
+  /// Every three vertices a triangle, each with the values that stand there.
   explicit StaticMesh(const std::vector<CapturedVertex>& vertices);
   /// Vertex i is captured vertex first_use[i]; three indices a triangle.
   StaticMesh(const std::vector<CapturedVertex>& vertices, const std::vector<uint32_t>& indices,
@@ -24,10 +24,11 @@ class StaticMesh {
   template <class Order>
   void fill(const std::vector<CapturedVertex>& vertices, size_t count, const Order& order);
 
+  void put_indices(const std::vector<uint32_t>& indices);
+
   gl::Buffer positions_, grids_, tags_, indices_;
   gl::VertexArray array_;
   int64_t vertices_ = 0, corners_ = 0;
-  bool indexed_ = false;
 };
 
 }  // namespace lodlab::render
