@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "base/parallel.h"
-#include "instrument/slack.h"
 
 namespace lodlab::instrument {
 namespace {
@@ -182,15 +181,11 @@ std::vector<Edge> edges_of(const render::Captured& captured, const std::vector<u
   return out;
 }
 
-/// Positions are rounded from a whole index less the eye's cell: where the eye is nearer than a cell, by
-/// steps of that.
 bool on_border(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) {
   const auto borders = [&](const Vertex& v) {
     const glm::dvec3 relative(std::bit_cast<float>(v[0]), std::bit_cast<float>(v[1]),
                               std::bit_cast<float>(v[2]));
-    const double cell = grid.frame().planet ? 0.0 : std::max(grid.frame().dx, grid.frame().dy);
-    return grid.borders(relative, eye,
-                        world_slack(std::max(glm::length(relative), cell)) + 1e-15 * glm::length(eye));
+    return grid.borders(relative, eye);
   };
   return (borders(edge.low) & borders(edge.high)) != 0;
 }

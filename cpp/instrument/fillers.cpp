@@ -37,12 +37,12 @@ Range around(double at, double tolerance, int64_t last) {
 
 bool raised(const HeightField& field, const SampleGrid& grid, const DrawnSurface& surface,
             const glm::dvec3& relative, const glm::dvec3& eye) {
-  double slack = world_slack(glm::length(relative)), row_step = field.dy, col_step = field.dx;
+  const double slack = vertex_slack(field, relative, eye);
+  double row_step = field.dy, col_step = field.dx;
   double height = eye.z + relative.z;
   if (field.planet) {
     const glm::dvec3 at = eye + relative;
     height = glm::length(at) - field.radius;
-    slack += 1e-15 * (glm::length(eye) + field.radius);
     row_step = glm::length(at) * field.dlat * kRadiansPerDegree;
     col_step = std::max(std::hypot(at.x, at.y), slack) * field.dlon * kRadiansPerDegree;
   }

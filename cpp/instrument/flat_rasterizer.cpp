@@ -41,31 +41,28 @@ bool narrow(Span& span, const Edge& edge, double row) {
 }  // namespace
 
 FlatRasterizer::FlatRasterizer(const SampleGrid& grid, const glm::dvec3& eye)
-    : rows_(grid.frame().rows),
+    : frame_(grid.frame()),
+      eye_(eye),
+      rows_(grid.frame().rows),
       cols_(grid.frame().cols),
       origin_((eye.x - grid.frame().x0) / grid.frame().dx, (grid.frame().y0 - eye.y) / grid.frame().dy,
               eye.z),
       cells_x_(1.0 / grid.frame().dx),
-      cells_y_(1.0 / grid.frame().dy),
-      cells_most_(std::max(cells_x_, cells_y_)) {}
+      cells_y_(1.0 / grid.frame().dy) {}
 
 FlatRasterizer::Corner FlatRasterizer::corner(const render::CapturedVertex& v) const {
   Corner out;
   out.col = origin_.x + static_cast<double>(v.x) * cells_x_;
   out.row = origin_.y - static_cast<double>(v.y) * cells_y_;
   out.z = origin_.z + static_cast<double>(v.z);
-  const double x = v.x, y = v.y, z = v.z;
-  const double slack = world_slack(std::sqrt(x * x + y * y + z * z));
+  const glm::dvec2 slack = grid_slack(frame_, {v.x, v.y, v.z}, eye_) * glm::dvec2(cells_x_, cells_y_);
   const double col = std::nearbyint(out.col), row = std::nearbyint(out.row);
-  // Rounding of this very conversion, in cells, comes on top of the slack.
-  const double own = 1e-15 * (std::abs(origin_.x) + std::abs(origin_.y) + std::abs(col) + std::abs(row));
-  if (std::abs(out.col - col) <= slack * cells_x_ + own &&
-      std::abs(out.row - row) <= slack * cells_y_ + own) {
+  if (std::abs(out.col - col) <= slack.x && std::abs(out.row - row) <= slack.y) {
     out.col = col;
     out.row = row;
     out.slack = 0.0;
   } else {
-    out.slack = slack * cells_most_ + own;
+    out.slack = std::max(slack.x, slack.y);
   }
   return out;
 }

@@ -70,22 +70,24 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
 
 void Instrument::check_near(const glm::dvec3& eye) const {
   const FieldFrame& f = grid_.frame();
-  const double step = f.planet ? f.dlat * kRadiansPerDegree * f.radius : std::min(f.dx, f.dy);
-  double reach = glm::length(eye) + f.radius;
-  double resolved = 2.0 * float_step(reach) / step;
+  double step = f.dlat * kRadiansPerDegree * f.radius, reach = glm::length(eye) + f.radius;
+  double off = this->slack(eye);
   if (!f.planet) {
     const glm::dvec3 first = f.position(0, 0, 0.0), last = f.position(f.rows - 1, f.cols - 1, 0.0);
     const glm::dvec3 far = glm::max(glm::abs(first - eye), glm::abs(last - eye));
-    reach = std::max(far.x, far.y);
-    resolved = 2.0 * std::max(float_step(far.x) / f.dx, float_step(far.y) / f.dy);
+    const glm::dvec2 slack = grid_slack(f, far, eye);
+    const bool east = slack.x * f.dy > slack.y * f.dx;
+    step = east ? f.dx : f.dy;
+    reach = east ? far.x : far.y;
+    off = east ? slack.x : slack.y;
   }
-  if (resolved <= 1.0) return;
+  if (off <= 0.5 * step) return;
   char text[256];
   std::snprintf(
       text, sizeof text,
-      "measure: the eye is %.4g m from samples %.4g m apart; 32-bit positions relative to it no longer "
-      "part them (limit: half the spacing a float step)",
-      reach, step);
+      "measure: the eye is %.4g m from samples %.4g m apart; 32-bit positions relative to it, up to "
+      "%.4g m off, no longer part them (limit: half the spacing)",
+      reach, step, off);
   throw InvalidInput(text);
 }
 

@@ -16,8 +16,10 @@ double covered_area(const SampleGrid& grid, const render::CapturedVertex* v, con
   const glm::dvec3 a(v[0].x, v[0].y, v[0].z), b(v[1].x, v[1].y, v[1].z), c(v[2].x, v[2].y, v[2].z);
   const glm::dvec3 ab = b - a, ac = c - a, bc = c - b;
   const double area = glm::dot(glm::cross(ab, ac), up_at(grid, (a + b + c) / 3.0, eye));
-  const double far = std::max({glm::length(a), glm::length(b), glm::length(c)});
-  const double rounding = world_slack(far) * (glm::length(ab) + glm::length(ac) + glm::length(bc));
+  const FieldFrame& frame = grid.frame();
+  const double slack =
+      std::max({vertex_slack(frame, a, eye), vertex_slack(frame, b, eye), vertex_slack(frame, c, eye)});
+  const double rounding = slack * (glm::length(ab) + glm::length(ac) + glm::length(bc));
   return std::abs(area) > rounding ? area : 0.0;
 }
 

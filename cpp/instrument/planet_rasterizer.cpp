@@ -3,7 +3,9 @@
 // the plane through it and the centre. The samples to try are those within the triangle's range of latitude
 // and longitude: an arc between two corners can reach nearer to the pole than both, longitude goes round,
 // and a triangle that holds a pole takes part of every longitude.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "geometry/angles.h"
 #include "instrument/slack.h"
@@ -17,7 +19,8 @@ constexpr double kMargin = 1e-6;
 /// Rays this close to an edge (radians) are on it: the rounding of the test itself.
 constexpr double kOnEdge = 4e-15;
 
-/// Positive on the inner side of the plane through the centre and the edge; in lengths times lengths.
+/// Positive on the inner side of the plane through the centre and the edge. Ends are directions, so that no
+/// height, however steep, takes digits from a plane that it does not turn.
 struct Edge {
   glm::dvec3 normal;
   double reach;
@@ -25,21 +28,22 @@ struct Edge {
 
 Edge make_edge(const glm::dvec3& from, const glm::dvec3& to, double slack, double sign) {
   const glm::dvec3 normal = sign * glm::cross(from, to - from);
-  return {normal, glm::length(normal) * (slack / glm::length(from) + kOnEdge)};
+  return {normal, glm::length(normal) * (slack + kOnEdge)};
 }
 
 }  // namespace
 
 PlanetRasterizer::Corner PlanetRasterizer::corner(const render::CapturedVertex& v) const {
   const FieldFrame& frame = grid_.frame();
-  const glm::dvec3 relative(v.x, v.y, v.z);
+  const glm::dvec3 relative(v.x, v.y, v.z), at = eye_ + relative;
   Corner out;
-  out.at = eye_ + relative;
   const glm::dvec2 place = grid_.coordinates(relative, eye_);
   out.col = place.x;
   out.row = place.y;
-  const double radius = glm::length(out.at);
-  out.slack = world_slack(glm::length(relative)) + 1e-15 * (glm::length(eye_) + radius);
+  out.radius = glm::length(at);
+  out.up = at / out.radius;
+  const double slack = vertex_slack(frame, relative, eye_);
+  out.slack = slack / out.radius;
   const double row = std::nearbyint(place.y);
   double col = std::nearbyint(place.x);
   if (frame.wraps && col == static_cast<double>(frame.cols)) col = 0.0;
@@ -49,14 +53,40 @@ PlanetRasterizer::Corner PlanetRasterizer::corner(const render::CapturedVertex& 
   const bool pole = grid_.is_pole(sample_row);
   if (pole) col = 0.0;
   if (col < 0.0 || col >= static_cast<double>(frame.cols)) return out;
-  const glm::dvec3 on_ray = radius * grid_.up(sample_row, static_cast<int64_t>(col));
-  if (glm::distance(out.at, on_ray) > out.slack) return out;
-  out.at = on_ray;
+  const glm::dvec3 up = grid_.up(sample_row, static_cast<int64_t>(col));
+  if (glm::distance(at, out.radius * up) > slack) return out;
+  // Near a pole columns may lie closer than the slack, twice what a position is ever off: there rounding may
+  // lead to another one, and the corner stays where it is.
+  const double columns = std::hypot(up.x, up.y) * frame.dlon * kRadiansPerDegree;
+  if (!pole && out.slack > columns) return out;
+  out.up = up;
   out.row = row;
   out.col = col;
   out.slack = 0.0;
   out.pole = pole;
   return out;
+}
+
+/// The weights of the point of the triangle's border that is nearest to a ray outside: a height within the
+/// triangle, never an extrapolation, and not far along an edge where the triangle is thinner than the slack.
+void PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray, double (&w)[3]) {
+  double least = std::numeric_limits<double>::infinity();
+  double weights[3] = {w[0], w[1], w[2]};
+  for (int from = 0; from < 3; ++from) {
+    const int to = (from + 1) % 3;
+    const glm::dvec3 &a = c[from].up, &b = c[to].up, normal = glm::cross(a, b - a);
+    // Where the ray, moved into the plane of the centre and the edge, passes it.
+    const double at_a = std::max(0.0, glm::dot(glm::cross(ray, b), normal));
+    const double at_b = std::max(0.0, glm::dot(glm::cross(a, ray), normal));
+    if (!(at_a + at_b > 0.0)) continue;
+    const glm::dvec3 gap = ray - glm::normalize(at_a * a + at_b * b);
+    if (!(glm::dot(gap, gap) < least)) continue;
+    least = glm::dot(gap, gap);
+    weights[from] = at_a;
+    weights[to] = at_b;
+    weights[3 - from - to] = 0.0;
+  }
+  std::copy(weights, weights + 3, w);
 }
 
 PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
@@ -66,6 +96,7 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
   const Corner& first = c[0].pole ? (c[1].pole ? c[2] : c[1]) : c[0];
   double col_lo = first.col, col_hi = first.col, slack = 0.0, winding = 0.0;
   double high = 0.0, low = 0.0;  // the largest and smallest z / radius of the arcs
+  double nearest = 1.0;          // to the axis, among corners but poles, and arcs
   for (int i = 0; i < 3; ++i) {
     const Corner &a = c[i], &b = c[(i + 1) % 3];
     slack = std::max(slack, a.slack);
@@ -74,19 +105,21 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
       const double col = first.col + std::remainder(a.col - first.col, turn);
       col_lo = std::min(col_lo, col);
       col_hi = std::max(col_hi, col);
+      nearest = std::min(nearest, std::hypot(a.up.x, a.up.y));
     }
     // The circle through both corners is nearest to the pole where it runs east-west: at `top`.
-    const glm::dvec3 normal = glm::cross(a.at, b.at);
+    const glm::dvec3 normal = glm::cross(a.up, b.up);
     const double size = glm::length(normal);
     if (!(size > 0.0)) continue;
     const glm::dvec3 top = glm::cross(glm::cross(normal, glm::dvec3(0.0, 0.0, 1.0)), normal);
     for (const double side : {1.0, -1.0}) {
       const glm::dvec3 peak = side * top;
-      if (glm::dot(glm::cross(a.at, peak), normal) < 0.0 || glm::dot(glm::cross(peak, b.at), normal) < 0.0)
+      if (glm::dot(glm::cross(a.up, peak), normal) < 0.0 || glm::dot(glm::cross(peak, b.up), normal) < 0.0)
         continue;
       const double sine = std::sqrt(normal.x * normal.x + normal.y * normal.y) / size;
       if (peak.z > 0.0) high = std::max(high, sine);
       if (peak.z < 0.0) low = std::max(low, sine);
+      if (!a.pole && !b.pole) nearest = std::min(nearest, std::abs(normal.z) / size);
     }
   }
   if (high > 0.0)
@@ -96,20 +129,22 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
   const bool any_pole = c[0].pole || c[1].pole || c[2].pole;
   const bool around = !any_pole && (std::abs(winding) > 0.5 * turn || col_hi - col_lo > 0.5 * turn - 1.0);
   if (around) {  // it holds a pole, or an edge passes over one
-    if (c[0].at.z + c[1].at.z + c[2].at.z > 0.0) {
+    if (c[0].up.z + c[1].up.z + c[2].up.z > 0.0) {
       row_lo = 0.0;
     } else {
       row_hi = static_cast<double>(frame.rows - 1);
     }
+  }
+  const double row_margin = kMargin + slack / (frame.dlat * kRadiansPerDegree);
+  // So near a pole that any column may be within reach. A corner at the pole is exact, and its edges with it.
+  const bool all_columns = around || (slack > 0.0 && nearest <= 2.0 * slack);
+  if (all_columns) {
     col_lo = 0.0;
     col_hi = turn;
   }
-  const double radius = glm::length(c[0].at);
-  const double row_margin = kMargin + slack / (radius * frame.dlat * kRadiansPerDegree);
   const double col_margin =
-      kMargin +
-      2.0 * slack /
-          (std::max(std::hypot(first.at.x, first.at.y), slack) * frame.dlon * kRadiansPerDegree + 1e-300);
+      all_columns ? 0.0
+                  : kMargin + 2.0 * slack / (std::max(nearest, 1e-300) * frame.dlon * kRadiansPerDegree);
   const double rows = static_cast<double>(frame.rows), cols = static_cast<double>(frame.cols);
   const auto whole = [](double value, double lo, double hi) {
     return static_cast<int64_t>(std::min(std::max(value, lo), hi));
@@ -121,8 +156,8 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
   if (frame.wraps) {
     out.col_hi = std::min(out.col_hi, out.col_lo + frame.cols - 1);
   } else {
-    out.col_lo = around ? 0 : std::max<int64_t>(out.col_lo, 0);
-    out.col_hi = around ? frame.cols - 1 : std::min<int64_t>(out.col_hi, static_cast<int64_t>(cols) - 1);
+    out.col_lo = all_columns ? 0 : std::max<int64_t>(out.col_lo, 0);
+    out.col_hi = all_columns ? frame.cols - 1 : std::min<int64_t>(out.col_hi, static_cast<int64_t>(cols) - 1);
   }
   return out;
 }
@@ -130,14 +165,17 @@ PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
 void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const {
   const FieldFrame& frame = grid_.frame();
   const Corner c[3] = {corner(vertices[0]), corner(vertices[1]), corner(vertices[2])};
-  const glm::dvec3 b = c[1].at - c[0].at, d = c[2].at - c[0].at;
-  const double area = glm::dot(c[0].at, glm::cross(b, d));  // times the distance from the centre
+  const glm::dvec3 b = c[1].up - c[0].up, d = c[2].up - c[0].up;
+  const double area = glm::dot(c[0].up, glm::cross(b, d));  // of directions: heights make nothing thin
   const double longest = std::max({glm::dot(b, b), glm::dot(d, d), glm::dot(d - b, d - b)});
-  if (!(std::abs(area) > 1e-12 * longest * glm::length(c[0].at))) return;
+  if (!(std::abs(area) > 1e-12 * longest)) return;
   const double sign = area > 0.0 ? 1.0 : -1.0;
   const double slack = std::max({c[0].slack, c[1].slack, c[2].slack});
-  const Edge edges[3] = {make_edge(c[1].at, c[2].at, slack, sign), make_edge(c[2].at, c[0].at, slack, sign),
-                         make_edge(c[0].at, c[1].at, slack, sign)};
+  const Edge edges[3] = {make_edge(c[1].up, c[2].up, slack, sign), make_edge(c[2].up, c[0].up, slack, sign),
+                         make_edge(c[0].up, c[1].up, slack, sign)};
+  const glm::dvec3 at = c[0].radius * c[0].up;
+  const glm::dvec3 to_b = c[1].radius * c[1].up - at, to_d = c[2].radius * c[2].up - at;
+  const double across[3] = {c[1].radius * c[2].radius, c[2].radius * c[0].radius, c[0].radius * c[1].radius};
   const Range where = range(c);
   for (int64_t row = where.row_lo; row <= where.row_hi; ++row) {
     const bool pole = grid_.is_pole(row);  // one place: DrawnSurface copies column 0 to the others
@@ -146,15 +184,17 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
       const int64_t col = frame.wraps ? ((i % frame.cols) + frame.cols) % frame.cols : i;
       const glm::dvec3 ray = grid_.up(row, col);
       double w[3];
-      bool inside = true;
+      bool inside = true, off = false;
       for (int e = 0; e < 3; ++e) {
         w[e] = glm::dot(ray, edges[e].normal);
         inside = inside && w[e] >= -edges[e].reach;
-        w[e] = std::max(w[e], 0.0);
+        off = off || w[e] < 0.0;
       }
+      if (!inside || !(w[0] + w[1] + w[2] > 0.0)) continue;  // negative on the far side of the planet
+      if (off) to_nearest(c, ray, w);
+      for (int e = 0; e < 3; ++e) w[e] *= across[e];
       const double sum = w[0] + w[1] + w[2];
-      if (!inside || !(sum > 0.0)) continue;  // the sum is negative on the far side of the planet
-      const double height = glm::length(c[0].at + (w[1] * b + w[2] * d) / sum) - frame.radius;
+      const double height = glm::length(at + (w[1] * to_b + w[2] * to_d) / sum) - frame.radius;
       out.put(row, col, height);
     }
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "geometry/angles.h"
+#include "instrument/slack.h"
 
 namespace lodlab::instrument {
 SampleGrid::SampleGrid(const FieldFrame& frame) : frame_(frame) {
@@ -35,23 +36,24 @@ glm::dvec2 SampleGrid::coordinates(const glm::dvec3& relative, const glm::dvec3&
   return {middle + from_middle / frame_.dlon, row};
 }
 
-int SampleGrid::borders(const glm::dvec3& relative, const glm::dvec3& eye, double tolerance) const {
+int SampleGrid::borders(const glm::dvec3& relative, const glm::dvec3& eye) const {
   const glm::dvec2 at = coordinates(relative, eye);
-  double col_step = frame_.dx, row_step = frame_.dy;
+  glm::dvec2 step(frame_.dx, frame_.dy), slack(vertex_slack(frame_, relative, eye));
   if (frame_.planet) {
     const glm::dvec3 p = eye + relative;
-    row_step = glm::length(p) * frame_.dlat / kDegreesPerRadian;
-    col_step = std::hypot(p.x, p.y) * frame_.dlon / kDegreesPerRadian;
+    step = glm::dvec2(std::hypot(p.x, p.y) * frame_.dlon, glm::length(p) * frame_.dlat) / kDegreesPerRadian;
+  } else {
+    slack = grid_slack(frame_, relative, eye);
   }
-  const auto on = [&](double value, int64_t line, double step) {
-    return std::abs(value - static_cast<double>(line)) * step <= tolerance;
+  const auto on = [&](int axis, int64_t line) {
+    return std::abs(at[axis] - static_cast<double>(line)) * step[axis] <= slack[axis];
   };
   int bits = 0;
-  if (on(at.y, 0, row_step) && !is_pole(0)) bits |= 1;
-  if (on(at.y, frame_.rows - 1, row_step) && !is_pole(frame_.rows - 1)) bits |= 2;
+  if (on(1, 0) && !is_pole(0)) bits |= 1;
+  if (on(1, frame_.rows - 1) && !is_pole(frame_.rows - 1)) bits |= 2;
   if (frame_.wraps) return bits;
-  if (on(at.x, 0, col_step)) bits |= 4;
-  if (on(at.x, frame_.cols - 1, col_step)) bits |= 8;
+  if (on(0, 0)) bits |= 4;
+  if (on(0, frame_.cols - 1)) bits |= 8;
   return bits;
 }
 

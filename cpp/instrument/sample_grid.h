@@ -41,10 +41,10 @@ class SampleGrid {
   /// [0, cols); of others within half a turn of the field's middle.
   glm::dvec2 coordinates(const glm::dvec3& relative, const glm::dvec3& eye) const;
 
-  /// Bits of the borders of the source on which a position lies within `tolerance` (source units):
+  /// Bits of the borders of the source on which a drawn position lies, within its slack (slack.h):
   /// 1 first row, 2 last row, 4 first column, 8 last column. A wrapping planet has no columns at its
   /// border, and a pole is none.
-  int borders(const glm::dvec3& relative, const glm::dvec3& eye, double tolerance) const;
+  int borders(const glm::dvec3& relative, const glm::dvec3& eye) const;
 
  private:
   FieldFrame frame_;

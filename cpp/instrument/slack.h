@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: MIT
-// The only slack that any law of the instrument is allowed: four float steps at the distance to the eye,
-// because vertices reach the rasterizer as floats relative to it, and a hundredth of a pixel.
-// crack_edges has none: it compares bit for bit.
+// The only slack that any law of the instrument is allowed, from how positions are rounded
+// (shaders/common/position.glsl): on a flat field whole cells less the eye's part of a cell, times the
+// spacing; three roundings of half a step each (2^-24), of the spacing, the product and the difference of
+// heights, and one of the eye's part, half a step of a cell. On a planet a double, cast to float.
+// Four float steps hold both, and 1e-15 of the lengths that doubles were made of. In pixels a hundredth.
+// crack_edges compares bit for bit, but for what lies on the border.
 #pragma once
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdint>
+#include <glm/glm.hpp>
+
+#include "geometry/height_field.h"
 
 namespace lodlab::instrument {
 
@@ -20,5 +28,25 @@ inline double float_step(double distance) {
 
 /// How far, in source units, a drawn vertex at this distance from the eye may be from where it belongs.
 inline double world_slack(double distance) { return kSlackSteps * float_step(distance); }
+
+inline constexpr double kDoubleSlack = 1e-15;  ///< of the lengths that doubles on the way were made of
+
+/// The same for a vertex of a field, `relative` to the eye, the doubles that lead to it counted.
+inline double vertex_slack(const FieldFrame& frame, const glm::dvec3& relative, const glm::dvec3& eye) {
+  const double distance = glm::length(relative);
+  if (frame.planet) return world_slack(distance) + kDoubleSlack * (2.0 * glm::length(eye) + distance);
+  const double made_of = glm::length(eye - glm::dvec3(frame.x0, frame.y0, 0.0)) + distance;
+  return world_slack(std::max({distance, frame.dx, frame.dy})) + kDoubleSlack * made_of;
+}
+
+/// Of a flat field along its columns and rows: each coordinate is rounded by its own size, and by a cell's,
+/// as the eye's part of a cell is rounded however near it is.
+inline glm::dvec2 grid_slack(const FieldFrame& frame, const glm::dvec3& relative, const glm::dvec3& eye) {
+  const auto along = [](double offset, double cell, double made_of) {
+    return world_slack(std::max(std::abs(offset), cell)) +
+           kDoubleSlack * (std::abs(made_of) + std::abs(offset));
+  };
+  return {along(relative.x, frame.dx, eye.x - frame.x0), along(relative.y, frame.dy, eye.y - frame.y0)};
+}
 
 }  // namespace lodlab::instrument

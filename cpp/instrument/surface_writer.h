@@ -53,9 +53,11 @@ class FlatRasterizer {
   Corner corner(const render::CapturedVertex& vertex) const;
   void fill(const Corner (&corners)[3], SurfaceWriter& out) const;
 
+  const FieldFrame& frame_;
+  glm::dvec3 eye_;
   int64_t rows_, cols_;
   glm::dvec3 origin_;  ///< the eye relative to the first sample, in cells (x, y), and its height
-  double cells_x_, cells_y_, cells_most_;
+  double cells_x_, cells_y_;
 };
 
 /// Rasterizes one triangle of a planet: samples' rays from the centre against it.
@@ -66,9 +68,10 @@ class PlanetRasterizer {
 
  private:
   struct Corner {
-    glm::dvec3 at;  ///< from the planet's centre
+    glm::dvec3 up;  ///< from the planet's centre, of length 1
+    double radius;  ///< its distance from there
     double col, row;
-    double slack;  ///< source units; 0: the corner is on a sample's ray
+    double slack;  ///< radians; 0: the corner is on a sample's ray
     bool pole;
   };
   struct Range {
@@ -76,6 +79,7 @@ class PlanetRasterizer {
   };
   Corner corner(const render::CapturedVertex& vertex) const;
   Range range(const Corner (&corners)[3]) const;
+  static void to_nearest(const Corner (&corners)[3], const glm::dvec3& ray, double (&weights)[3]);
 
   const SampleGrid& grid_;
   glm::dvec3 eye_;

@@ -59,6 +59,21 @@ TEST_CASE("slack is four float steps") {
   CHECK(world_slack(1e6) == 4.0 * double(std::nextafter(1e6f, 2e6f) - 1e6f));
 }
 
+TEST_CASE("the slack of a vertex counts a cell, however near the eye is, and the doubles on the way") {
+  FieldFrame frame = flat(9, 9);
+  frame.dx = 30.0;
+  frame.dy = 2.0;
+  const glm::dvec3 near(0.01, -0.01, 0.0), eye(100.0, -100.0, 3.0);
+  CHECK(grid_slack(frame, near, eye).x == doctest::Approx(world_slack(30.0)));
+  CHECK(grid_slack(frame, near, eye).y == doctest::Approx(world_slack(2.0)));
+  CHECK(grid_slack(frame, {500.0, 0.0, 1e6}, eye).x == doctest::Approx(world_slack(500.0)));
+  CHECK(vertex_slack(frame, near, eye) == doctest::Approx(world_slack(30.0)));
+  CHECK(vertex_slack(frame, {3.0, 0.0, 400.0}, eye) == doctest::Approx(world_slack(400.0)));
+  CHECK(vertex_slack(frame, near, {1e12, 0.0, 0.0}) >= 1e-3);
+  frame.planet = true;
+  CHECK(vertex_slack(frame, near, {0.0, 0.0, 6.4e6}) == doctest::Approx(1.28e-8).epsilon(0.2));
+}
+
 TEST_CASE("the source drawn as it is has no error, no crack, no hole") {
   const auto source = synthetic::field(flat(9, 9), kTilted);
   const SampleGrid grid(*source);
