@@ -5,6 +5,7 @@
 
 #include <pybind11/stl.h>
 
+#include <mutex>
 #include <set>
 
 #include "base/errors.h"
@@ -33,6 +34,8 @@ using Parts = std::vector<Part>;
 struct PyMeasurement {
   Parts parts, before;
   Measurement measurement;
+  std::unique_ptr<std::mutex> mutex =
+      std::make_unique<std::mutex>();  ///< figures are kept when first computed
 };
 
 render::DrawCall draw_call(const Parts& parts) {
@@ -57,6 +60,7 @@ std::function<double()> optimum_of(const Part& part) {
 class PyInstrument {
  public:
   PyInstrument(const PyField& field, std::shared_ptr<PySession> reference) : full_(std::move(reference)) {
+    check_given("Instrument: field", field);
     if (const auto* whole = std::get_if<std::shared_ptr<HeightField>>(&field)) {
       instrument_ = std::make_shared<Instrument>(std::shared_ptr<const HeightField>(*whole));
       hash_ = (*whole)->hash();
@@ -89,6 +93,12 @@ class PyInstrument {
   std::shared_ptr<PyMeasurement> examine(Parts parts, Parts before, const View& view,
                                          std::shared_ptr<const Reference> reference, bool pictures) {
     if (parts.empty()) throw InvalidInput("examine: no part to draw");
+    for (const Parts* drawn : {&parts, &before}) {
+      for (const auto& [session, cut] : *drawn) {
+        given("examine: session", session);
+        given("examine: cut", cut);
+      }
+    }
     instrument::Subject subject;
     subject.camera = make_camera(view);
     subject.draw = draw_call(parts);
@@ -185,6 +195,7 @@ template <class Figure>
 auto figure(Figure (Measurement::*function)()) {
   return [function](PyMeasurement& self) {
     const py::gil_scoped_release release;
+    const std::lock_guard lock(*self.mutex);
     return (self.measurement.*function)();
   };
 }
@@ -199,6 +210,7 @@ py::array_t<uint8_t> drawn_image(PyMeasurement& self) {
   std::vector<uint8_t> image;
   {
     const py::gil_scoped_release release;
+    const std::lock_guard lock(*self.mutex);
     image = self.measurement.drawn().rgba;
   }
   const Camera& camera = self.measurement.camera();
@@ -326,7 +338,7 @@ void bind_instrument(py::module_& m) {
           [](PyInstrument& self, std::shared_ptr<PySession> s, std::shared_ptr<PyCut> c, const View& at,
              std::shared_ptr<Reference> reference, bool pictures, std::shared_ptr<PyCut> before) {
             const py::gil_scoped_release release;
-            self.check_source(*s, "measure");
+            self.check_source(*given("measure: session", s), "measure");
             const Parts earlier = before == nullptr ? Parts() : Parts{{s, before}};
             return self.examine({{s, c}}, earlier, at, std::move(reference), pictures);
           },

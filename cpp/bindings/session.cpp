@@ -16,7 +16,7 @@ namespace py = pybind11;
 namespace lodlab {
 
 PySession::PySession(std::shared_ptr<PyStore> store, const py::dict& draw_options)
-    : store_(std::move(store)) {
+    : store_(given("session: store", std::move(store))) {
   const MethodInfo& info = store_->method->info();
   options_ =
       resolve_options(info.name, info.options, Stage::kDraw, options_from_dict(info.name, draw_options));
@@ -27,8 +27,11 @@ Session& PySession::selecting() const {
   if (process_ != getpid()) {
     throw GLError("session after fork: it belongs to the parent process; spawn processes instead of forking");
   }
-  if (owner_ && *owner_ != std::this_thread::get_id()) {
-    throw GLError("session: it belongs to the thread that first drew with it");
+  const std::lock_guard lock(mutex_);
+  if (owner_.ended()) owner_ = ThreadKey::here();
+  if (!owner_.is_here()) {
+    throw GLError(
+        "session: it belongs to the thread that first used it; give each thread a session of its own");
   }
   return *session_;
 }
@@ -36,7 +39,6 @@ Session& PySession::selecting() const {
 Session& PySession::drawing() {
   selecting();
   gl::ensure_context();
-  owner_ = std::this_thread::get_id();
   return *session_;
 }
 
@@ -338,7 +340,7 @@ void bind_session_class(py::module_& m) {
           "session",
           [](std::shared_ptr<PyStore> store, const py::dict& options) {
             auto session = std::make_shared<PySession>(std::move(store), options);
-            for (const std::string& warning : session->selecting().warnings()) {
+            for (const std::string& warning : session->warnings()) {
               if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) < 0) throw py::error_already_set();
             }
             return session;

@@ -7,11 +7,12 @@
 #include <unistd.h>
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "base/thread_key.h"
 #include "bindings/common.h"
 #include "geometry/view.h"
 #include "method/method.h"
@@ -26,16 +27,18 @@ struct PyCut {
   std::optional<Budget> budget = std::nullopt;  ///< none: by hand
 };
 
-/// A session; it belongs to the thread that first drew with it.
+/// A session; it belongs to the thread that first used it, and when that one has ended, to the next.
 class PySession {
  public:
   PySession(std::shared_ptr<PyStore> store, const pybind11::dict& draw_options);
 
   const PyStore& store() const { return *store_; }
   const Options& options() const { return options_; }
-  /// The session, for calls that select; GLError on another thread than the one that drew.
+  /// What its user should know; any thread may ask.
+  std::vector<std::string> warnings() const { return session_->warnings(); }
+  /// The session, for calls that select; GLError on another thread than its owner while that one lives.
   Session& selecting() const;
-  /// The session, for calls that draw; the first makes this thread the owner.
+  /// The session, for calls that draw.
   Session& drawing();
   /// Draws this cut into a pass. InvalidInput when it is another store's. Call on the drawing thread.
   render::DrawCall draw_call(const PyCut& cut);
@@ -44,7 +47,8 @@ class PySession {
   std::shared_ptr<PyStore> store_;
   Options options_;
   std::unique_ptr<Session> session_;
-  std::optional<std::thread::id> owner_;
+  mutable std::mutex mutex_;  // guards owner_
+  mutable ThreadKey owner_;
   pid_t process_ = getpid();
 };
 

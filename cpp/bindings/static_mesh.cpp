@@ -20,6 +20,7 @@ struct PyStaticMesh {
 };
 
 std::shared_ptr<PyStaticMesh> make(const PyCapture& capture, const std::shared_ptr<HeightField>& field) {
+  given("StaticMesh: field", field);
   const py::gil_scoped_release release;
   const auto& captured = capture.captured.vertices;
   const meshopt_Stream stream{captured.data(), 3 * sizeof(float), sizeof(render::CapturedVertex)};

@@ -219,6 +219,7 @@ Source source_of(const PyField& field) {
 std::shared_ptr<PyStore> build(const PyField& field, const std::string& method_name,
                                const std::filesystem::path& path, const py::dict& options,
                                const std::string& mode, const std::optional<py::function>& progress) {
+  check_given("build: source", field);
   const Method& method = find_method(method_name);
   const auto values = options_from_dict(method.info().name, options);
   const BuildMode build_mode = mode_of(mode);

@@ -9,11 +9,11 @@
 #include <cstdlib>
 #include <mutex>
 #include <optional>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/errors.h"
+#include "base/thread_key.h"
 #include "gl/device.h"
 #include "gl/egl.h"
 #include "gl/error.h"
@@ -22,9 +22,11 @@ namespace lodlab::gl {
 namespace {
 
 struct Context {
-  std::thread::id thread;
+  ThreadKey thread;
   pid_t process;
   Info info;
+  EGLDisplay display;
+  EGLContext handle;
 };
 
 std::mutex mutex;  // guards all below
@@ -58,7 +60,7 @@ std::string egl_error() {
 }
 
 /// Makes a context on the device current on this thread. GLError says which step failed.
-void make_current(const Device& device) {
+std::pair<EGLDisplay, EGLContext> make_current(const Device& device) {
   const auto fail = [&](const char* step) {
     throw GLError(std::string(step) + " failed on device " + std::to_string(device.index) + " (" +
                   device.name + "), EGL error " + egl_error());
@@ -83,6 +85,29 @@ void make_current(const Device& device) {
     eglDestroyContext(display, made);
     fail("eglMakeCurrent without a surface");
   }
+  return {display, made};
+}
+
+/// Lets go of the context when its thread ends: EGL leaves it with that thread for good. Not on the main
+/// thread, whose end is the process's.
+struct Parting {
+  EGLDisplay display = EGL_NO_DISPLAY;
+  ~Parting() {
+    if (display != EGL_NO_DISPLAY && gettid() != getpid())
+      eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  }
+};
+thread_local Parting parting;
+
+void take_over(Context& taken) {
+  if (!eglBindAPI(EGL_OPENGL_API) ||
+      !eglMakeCurrent(taken.display, EGL_NO_SURFACE, EGL_NO_SURFACE, taken.handle)) {
+    throw GLError(
+        "GL from another thread: the one that drew has ended, and its context cannot be taken over, EGL "
+        "error " +
+        egl_error());
+  }
+  taken.thread = ThreadKey::here();
 }
 
 Info read_info(const Device& device) {
@@ -117,7 +142,7 @@ Context create() {
   std::string reasons;
   for (const Device& device : candidates(wanted, devices())) {
     try {
-      make_current(device);
+      const auto [display, handle] = make_current(device);
       Info info = read_info(device);
       if (device.software && !info.software) {
         throw GLError("device " + device.name + " renders with '" + info.renderer +
@@ -125,7 +150,7 @@ Context create() {
       }
       install_debug_callback();
       set_constant_state();
-      return {std::this_thread::get_id(), getpid(), std::move(info)};
+      return {ThreadKey::here(), getpid(), std::move(info), display, handle};
     } catch (const GLError& error) {
       reasons += (reasons.empty() ? "" : "; ") + std::string(error.what());
     }
@@ -156,9 +181,7 @@ void delete_object(Kind kind, unsigned name) {
   }
 }
 
-bool is_here() {
-  return context && context->process == getpid() && context->thread == std::this_thread::get_id();
-}
+bool is_here() { return context && context->process == getpid() && context->thread.is_here(); }
 
 }  // namespace
 
@@ -183,9 +206,13 @@ const Info& ensure_context() {
     throw GLError(
         "GL after fork: the context belongs to the parent process; spawn processes instead of forking");
   }
-  if (context->thread != std::this_thread::get_id()) {
-    throw GLError("GL from another thread: the context belongs to the thread that first drew");
+  if (context->thread.ended()) take_over(*context);
+  if (!context->thread.is_here()) {
+    throw GLError(
+        "GL from another thread: the context belongs to the thread that first drew; draw there, or end it "
+        "first");
   }
+  parting.display = context->display;
   for (const auto& [kind, name] : doomed) delete_object(kind, name);
   doomed.clear();
   return context->info;

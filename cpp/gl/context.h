@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The one GL context of this process: 4.5 core, no window, created when first needed, bound to the thread
-// that made it. Use from another thread or after fork is a GLError.
+// that made it; when that one has ended, to the next thread that asks. Use from another thread while its own
+// lives, or after fork, is a GLError.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,8 @@ struct Info {
 /// when there is no such device, or when the process already draws on another one.
 void choose_device(const std::string& text);
 
-/// Creates the context on this thread, or checks that it belongs to this thread and process.
+/// Creates the context on this thread, takes it over from a thread that has ended, or checks that it belongs
+/// to this thread and process.
 const Info& ensure_context();
 
 /// True when GL may be called here and now: the context exists and belongs to this thread and process.
