@@ -175,7 +175,7 @@ def settled(session: object, view: _core.View, frames: int = 12) -> tuple[_core.
 
 def test_maps_come_while_one_flies(mapped) -> None:
     field, store = mapped
-    session, loaded = store.core.session({}), store.core.session({"stream": False})
+    session, loaded = store.core.session({"stream": True}), store.core.session({"stream": False})
     for view in views(field, 3):
         settled(session, view)  # of heights there is enough: the cut is the loaded one's
         cut, row = settled(session, view, 2)
@@ -187,7 +187,7 @@ def test_maps_come_while_one_flies(mapped) -> None:
 
 def test_a_coarser_tile_stands_in(mapped) -> None:
     field, store = mapped
-    session, loaded = store.core.session({}), store.core.session({"stream": False})
+    session, loaded = store.core.session({"stream": True}), store.core.session({"stream": False})
     view = views(field, 3)[1]
     cut, _ = session.time_frame(view, BUDGET)
     assert cut.missing_nodes > 0

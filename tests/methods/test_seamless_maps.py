@@ -139,7 +139,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[lod.HeightField, l
 
 def test_maps_come_while_one_flies(mapped) -> None:
     field, store = mapped
-    session, loaded = store.core.session({}), store.core.session({"stream": False})
+    session, loaded = store.core.session({"stream": True}), store.core.session({"stream": False})
     for view in views(field, 3):
         cut, _ = settled(session, view)
         wanted = loaded.select(view, BUDGET)

@@ -223,7 +223,7 @@ def test_rows_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("scene", ["s01", "s02", "s07", *(f"s{i}" for i in range(11, 17))])
-@pytest.mark.parametrize("options", ["{}", '{cracks = "skirt"}', "{stream = true}"])
+@pytest.mark.parametrize("options", ["{}", '{cracks = "skirt"}', "{stream = false}"])
 def test_no_default_fails_these_scenes_by_nature(tmp_path: Path, scene: str, options: str) -> None:
     with pytest.raises(InvalidInput, match=f"scene {scene} .* default options"):
         read_rows(tmp_path, row_of(scene, options))

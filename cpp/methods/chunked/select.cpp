@@ -143,9 +143,11 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
     double t = 1.0;
     if (node.parent >= 0 && morph_ == Morph::kBudget && span > 0.0) {
       // A hair inside the budget, and rounded towards the chunk's own surface: never over tau.
-      const double allowed =
-          projector.inverse(cut.tau * (1.0 - 1e-12), place) - hierarchy_->quantizer.rounding();
-      t = std::clamp((node.parent_error - allowed) / span, 0.0, 1.0);
+      // Its parent's surface, which is exact, is drawn as far as it may be: errors nest with what floats
+      // round.
+      const double exact = projector.inverse(cut.tau * (1.0 - 1e-12), place);
+      const double allowed = exact - hierarchy_->quantizer.rounding();
+      t = node.parent_error <= exact ? 0.0 : std::clamp((node.parent_error - allowed) / span, 0.0, 1.0);
       if (t > 0.0 && static_cast<float>(t) < t) t = std::nextafter(static_cast<float>(t), 1.0f);
     } else if (node.parent >= 0 && morph_ == Morph::kFormula4 && cut.tau > 0.0) {
       t = std::clamp(2.0 * projector.project(node.error, place) / cut.tau - 1.0, 0.0, 1.0);
