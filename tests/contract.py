@@ -60,6 +60,20 @@ def over(field: lod.HeightField, height: float = 0.4, fov: float = 60.0, size=(2
     return _core.View(tuple(eye), tuple(middle), fov=fov, size=size)
 
 
+def near_views(field: lod.HeightField, count: int) -> list[_core.View]:
+    """From beside, on and under the ground, with most of it out of sight."""
+    rng = np.random.default_rng(11)
+    rows, cols = field.shape
+    (dx, dy), (x0, y0) = field.spacing, field.origin
+    low, high = float(np.nanmin(field.heights)), float(np.nanmax(field.heights))
+    views = []
+    for _ in range(count):
+        x, y = rng.uniform(-0.1, 1.1, 2)
+        eye = np.array([x0 + x * cols * dx, y0 - y * rows * dy, rng.uniform(low, high + 4.0 * dx)])
+        views.append(_core.View(tuple(eye), tuple(eye + rng.normal(size=3) * (9.0, 9.0, 3.0)), fov=50.0, size=(96, 64)))
+    return views
+
+
 def stored(nodes: np.ndarray, cut: _core.Cut) -> np.ndarray:
     """The rows of `store.nodes` that a cut's nodes have, each at the resolution that it is drawn with."""
     rows = {(node, k): i for i, (node, k) in enumerate(zip(nodes["id"], nodes["resolution"], strict=True))}
@@ -176,6 +190,55 @@ class MethodContract:
         if not cut.budget_met:
             assert spent == {"triangles": coarsest.triangles, "nodes": coarsest.visible_nodes}[name]
         assert row["triangles"] == cut.triangles == self.submitted(session, cut, view)
+
+    def test_hard_budgets_hold_wherever_the_cheapest_cut_fits(self, made: Measured) -> None:
+        """Beside and inside the ground children are culled whose parents are not: a split may cost less than none."""
+        kinds = {"triangles", "nodes"} & set(self.info["budgets"])
+        if not kinds:
+            pytest.skip(f"{self.method} has no hard budget")
+        for view in near_views(made.field, 6):
+            session, drawn = made.session(), []
+
+            def select(session=session, view=view, drawn=drawn, **budget: float) -> _core.Cut:
+                cut = session.select(view, _core.Budget(**budget))
+                drawn.append((budget, cut.triangles, cut.visible_nodes, cut.least_triangles))
+                spent = {"triangles": cut.triangles, "nodes": cut.visible_nodes}
+                over = any(spent[k] > budget.get(k, np.inf) for k in kinds)
+                assert over == (cut.least_triangles is not None)
+                if over:
+                    assert not cut.budget_met
+                    assert spent == {"triangles": cut.least_triangles, "nodes": cut.least_nodes}
+                return cut
+
+            for k in sorted(kinds):
+                least = max({"triangles": (c := select(**{k: 1})).triangles, "nodes": c.visible_nodes}[k], 1)
+                for limit in {max(least - 1, 1), least, least + 1, 3 * least}:
+                    select(**{k: limit})
+                    select(**{k: limit, "pixel_error": 1e6})
+            if len(kinds) == 2:
+                for triangles, nodes in [(t, n) for _, t, n, _ in drawn] + [(1, 1), (1, 4)]:
+                    select(triangles=max(triangles, 1), nodes=max(nodes, 1))
+            for budget, _, _, least_triangles in drawn:
+                if least_triangles is None:
+                    continue
+                for _, triangles, nodes, _ in drawn:
+                    fits = triangles <= budget.get("triangles", np.inf) and nodes <= budget.get("nodes", np.inf)
+                    assert not fits, f"over {budget}, although {triangles} triangles in {nodes} nodes can be drawn"
+
+    def test_hard_budgets_hold_while_flying_once_what_they_need_is_there(self, made: Measured) -> None:
+        options = {o["name"] for o in self.info["options"]}
+        if "triangles" not in self.info["budgets"] or "stream" not in options:
+            pytest.skip(f"{self.method} has no budget of triangles, or does not stream")
+        for view in near_views(made.field, 3):
+            least = max(made.session().select(view, _core.Budget(triangles=1)).triangles, 1)
+            session, budget = made.session(stream=True), _core.Budget(triangles=least)
+            for _ in range(40):
+                cut, row = session.time_frame(view, budget)
+                if row["triangles"] <= least:
+                    break
+                assert cut.missing_nodes > 0 and not cut.budget_met
+                session.settle()
+            assert row["triangles"] <= least
 
     @staticmethod
     def submitted(session: _core.Session, cut: _core.Cut, view: _core.View) -> int:

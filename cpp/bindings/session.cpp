@@ -205,7 +205,11 @@ std::string cut_text(const PyCut& self) {
   return "Cut(" + std::to_string(cut.nodes.size()) + " nodes, " + std::to_string(cut.visible_nodes) +
          " visible, " + std::to_string(cut.triangles) + " triangles, predicted " +
          py::str(py::float_(cut.predicted_px)).cast<std::string>() + " px" +
-         (cut.budget_met ? "" : ", budget not met") + ")";
+         (cut.budget_met ? "" : ", budget not met") +
+         (cut.least_triangles ? ", the least is " + std::to_string(*cut.least_triangles) + " triangles in " +
+                                    std::to_string(*cut.least_nodes) + " nodes"
+                              : "") +
+         ")";
 }
 
 void bind_cut(py::module_& m) {
@@ -233,6 +237,11 @@ void bind_cut(py::module_& m) {
           "Moves that adaptation made or tried; 0 where the method has none.")
       .def_property_readonly("promises_bound", [](const PyCut& c) { return c.cut.promises_bound; })
       .def_property_readonly("budget_met", [](const PyCut& c) { return c.cut.budget_met; })
+      .def_property_readonly(
+          "least_triangles", [](const PyCut& c) { return c.cut.least_triangles; },
+          "Triangles of the cheapest cut for the view, where that breaks a hard budget, else None.")
+      .def_property_readonly(
+          "least_nodes", [](const PyCut& c) { return c.cut.least_nodes; }, "Its nodes.")
       .def_property_readonly(
           "view", [](const PyCut& c) { return c.cut.view; }, "The view it was selected for.")
       .def_property_readonly(

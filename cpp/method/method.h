@@ -85,6 +85,9 @@ struct Cut {
   int64_t adapt_steps = 0;     ///< moves that adaptation made or tried
   bool promises_bound = true;  ///< predicted_px is an upper bound
   bool budget_met = true;
+  /// What the cheapest cut for the view takes, where that breaks a hard budget: of the cuts within the nodes
+  /// (or with the fewest, where none is within them) the one with the fewest triangles.
+  std::optional<int64_t> least_triangles, least_nodes;
   std::string options;  ///< draw options, JSON
   /// Set by methods that select on the GPU: the record that redraws this very cut.
   std::shared_ptr<const void> record;

@@ -2,6 +2,7 @@
 #include "method/residency.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace lodlab {
 namespace {
@@ -37,10 +38,17 @@ void Residency::want(std::vector<Want> wants) {
                    [](const Want& a, const Want& b) { return a.priority > b.priority; });
   std::vector<PageCache::Want>& pages = loader_->asked[turn_];
   pages.clear();
-  for (const Want& want : wants) pages.push_back({setup_.kind, setup_.units[want.unit].page, want.priority});
+  double rank = std::numeric_limits<double>::infinity();
   for (const Want& want : wants) {
     const Unit& unit = setup_.units[want.unit];
-    if (unit.beside > 0) pages.push_back({setup_.beside_kind, unit.page, want.priority});
+    if (unit.beside == 0) {
+      pages.push_back({setup_.kind, unit.page, want.priority});
+      continue;
+    }
+    // No two alike: a cache too small for both units would fill with the first pages of each.
+    rank = std::min(want.priority, std::nextafter(rank, -std::numeric_limits<double>::infinity()));
+    pages.push_back({setup_.kind, unit.page, rank});
+    pages.push_back({setup_.beside_kind, unit.page, rank});
   }
   wanted_ = std::move(wants);
   std::vector<PageCache::Want> all;

@@ -36,6 +36,11 @@ FieldResources::FieldResources(const FieldFrame& frame, const Bytes& coverage) :
   rows_ = gl::Buffer(rows);
 }
 
+int64_t FieldResources::bytes_of(const FieldFrame& frame, bool has_coverage) {
+  const int64_t mask = has_coverage ? (cell_columns(frame) * (frame.rows - 1) + 31) / 32 * 4 : 0;
+  return mask + (frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0);
+}
+
 void FieldResources::bind() const {
   if (has_coverage()) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, coverage_.id());
   if (frame_.planet) {

@@ -14,6 +14,8 @@ class FieldResources {
 
   const FieldFrame& frame() const { return frame_; }
   bool has_coverage() const { return static_cast<bool>(coverage_); }
+  /// What such resources take.
+  static int64_t bytes_of(const FieldFrame& frame, bool has_coverage);
   int64_t bytes() const { return coverage_.bytes() + columns_.bytes() + rows_.bytes(); }
   /// Binds the storage buffers that the shaders of this field read.
   void bind() const;

@@ -104,6 +104,20 @@ class Cut:
         return self.core.budget_met
 
     @property
+    def least_triangles(self) -> int | None:
+        """Where a hard budget cannot be kept: triangles of the cheapest cut for the view; else None.
+
+        Of the cuts within the budget of nodes (or with the fewest nodes, where none is within it) the cheapest is
+        the one with the fewest triangles.
+        """
+        return self.core.least_triangles
+
+    @property
+    def least_nodes(self) -> int | None:
+        """Where a hard budget cannot be kept: nodes of the cheapest cut for the view; else None."""
+        return self.core.least_nodes
+
+    @property
     def view(self) -> Any:
         """The view that the cut was selected for."""
         return self.core.view

@@ -193,7 +193,76 @@ def test_small_gpu_cache_is_a_hard_limit(terrain, tmp_path: Path) -> None:
         for _ in range(12):
             session.settle()
             _, row = session.time_frame(view, _core.Budget(pixel_error=0.5))
-            assert row["resident_bytes"] <= (4 << 20) + 65536
+            assert row["resident_bytes"] <= 4 << 20
+
+
+def refused_for(store: lod.Store, option: str, **options: object) -> int:
+    """The least that the refusal of a session names."""
+    with pytest.raises(lod.errors.InvalidInput, match=rf"chunked: .* {option} of at least \d+, not 1$") as refusal:
+        store.core.session({option: 1, **options})
+    return int(str(refusal.value).split("at least ")[1].split(",")[0])
+
+
+def drawn_bytes(store: lod.Store, view: _core.View, **options: object) -> tuple[int, float]:
+    """What is resident at most until nothing is missing, and what the last frame predicts, pixels."""
+    session, most = store.core.session(options), 0
+    for _ in range(60):
+        cut, row = session.time_frame(view, _core.Budget(pixel_error=1.0))
+        most = max(most, row["resident_bytes"])
+        if cut.missing_nodes == 0:
+            return most, cut.predicted_px
+        session.settle()
+    raise AssertionError(f"{cut.missing_nodes} nodes are missing for ever")
+
+
+@pytest.fixture(scope="module")
+def large_chunks(tmp_path_factory: pytest.TempPathFactory) -> lod.Store:
+    """A chunk alone takes more than a MiB, with voids and colours beside."""
+    folder = tmp_path_factory.mktemp("large")
+    heights = np.random.default_rng(0).normal(size=(320, 320)) * 30.0
+    heights[:40, :40] = np.nan
+    image = np.random.default_rng(1).integers(0, 256, (320, 320, 4)).astype(np.uint8)
+    _core.write_image(str(folder / "a.png"), image)
+    field = lod.HeightField(heights)
+    options = {"leaf": 256, "chunk_triangles": 65536, "attribute": str(folder / "a.png"), "progress": False}
+    return lod.build(field, "chunked", folder / "c.lod", **options)
+
+
+def test_a_small_main_memory_is_refused_by_name_before_any_frame(large_chunks) -> None:
+    least = refused_for(large_chunks, "cpu_cache_mb", stream=True)
+    assert refused_for(large_chunks, "cpu_cache_mb", stream=False) <= least
+    view = _core.View((100.0, -100.0, 150.0), (160.0, -160.0, 0.0), size=(64, 48))
+    _, predicted = drawn_bytes(large_chunks, view, stream=True, cpu_cache_mb=least)
+    assert predicted <= 1.0
+
+
+def test_every_byte_counts_into_the_gpu_cache(large_chunks) -> None:
+    view = _core.View((100.0, -100.0, 150.0), (160.0, -160.0, 0.0), size=(64, 48))
+    for stream in (True, False):
+        least = refused_for(large_chunks, "gpu_cache_mb", stream=stream)
+        most, _ = drawn_bytes(large_chunks, view, stream=stream, gpu_cache_mb=least)
+        assert 0 < most <= least << 20
+
+
+def test_textured_frames_are_charged_for_instances_alone(large_chunks) -> None:
+    session = large_chunks.core.session({"stream": False})
+    view = _core.View((100.0, -100.0, 150.0), (160.0, -160.0, 0.0), size=(64, 48))
+    session.time_frame(view, _core.Budget(pixel_error=1.0))
+    _, row = session.time_frame(view, _core.Budget(pixel_error=1.0))
+    assert row["draw_calls"] == row["nodes"] > 0
+    assert row["upload_bytes"] == 24 * row["nodes"]
+
+
+def test_a_cut_of_more_chunks_than_one_draw_has_room_for_is_drawn_in_rounds(tmp_path: Path) -> None:
+    field = lod.HeightField(_core.fractal(513, 513, 0, 0, seed=1, roughness=0.5))
+    store = lod.build(field, "chunked", tmp_path / "f.lod", progress=False, leaf=16)
+    view = over(field)
+    whole = store.core.session({"stream": False})
+    cut = whole.select(view, _core.Budget(pixel_error=1e-6))
+    wanted = whole.draw(cut, view, everything=True).image
+    small = store.core.session({"stream": True, "gpu_cache_mb": 1})
+    assert np.array_equal(small.draw(cut, view, everything=True).image, wanted)
+    assert len(cut.nodes) > 64 and 0 < small.resident_bytes <= 1 << 20
 
 
 def test_colours_follow_the_texel_rule(tmp_path: Path) -> None:

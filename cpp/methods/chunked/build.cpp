@@ -136,7 +136,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   const TexturePyramid texture(options.text("attribute"), field, layout, levels, options.real("tau_max"));
 
   std::vector<uint8_t> rounded(nodes.size());
-  std::atomic<int64_t> done{0};
+  int64_t done = 0;  // reports come in order
   std::atomic<uint32_t> largest{0};
   std::mutex progress_mutex;
   const auto count = static_cast<int64_t>(nodes.size());
@@ -174,8 +174,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
           writer.put_page(kTexture, i, texture.page(node.level, node.row, node.col));
       }
     }
-    const int64_t total = done += end - begin;
     const std::lock_guard lock(progress_mutex);
+    const int64_t total = done += end - begin;
     progress("chunks", static_cast<double>(total) / static_cast<double>(count));
   });
   nest(nodes, rounded, q.quantum);

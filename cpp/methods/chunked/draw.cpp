@@ -4,7 +4,7 @@
 // section 13: a texture a chunk). Per-chunk data are instanced attributes, found by base instance.
 #include <epoxy/gl.h>
 
-#include <cstring>
+#include <algorithm>
 #include <unordered_map>
 
 #include "base/errors.h"
@@ -14,6 +14,7 @@
 #include "gl/texture.h"
 #include "gl/vertex_array.h"
 #include "methods/chunked/session.h"
+#include "render/field_resources.h"
 
 namespace lodlab::chunked {
 namespace {
@@ -33,21 +34,28 @@ struct Command {  // DrawElementsIndirectCommand
   uint32_t base_instance;
 };
 
+static_assert(sizeof(Instance) == kInstanceBytes && sizeof(Command) == kCommandBytes);
+
+GLenum index_type(const ChunkedHierarchy& tree) {
+  return tree.index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
+}
+
 }  // namespace
 
 struct ChunkedSession::Gpu {
   gl::Buffer geometry;
-  gl::Buffer instances, commands;
+  gl::Buffer instances{0}, commands{0};
   gl::VertexArray arrays;
   std::unordered_map<uint32_t, gl::Texture> textures;
   std::shared_ptr<const render::FieldResources> field;
   render::SurfaceProgram program;
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
+  std::vector<uint32_t> dropped;
 
   explicit Gpu(const ChunkedHierarchy& tree, int64_t buffer_bytes)
       : geometry(std::max<int64_t>(buffer_bytes, 16)),
-        field(render::make_field_resources(tree.frame, tree.store->page(kCoverage, 0))),
+        field(render::make_field_resources(tree.frame, tree.coverage())),
         program({{"vertex", "chunked/chunk.vert"}}) {
     arrays.integers(0, 0, 4, GL_UNSIGNED_SHORT, 0);
     arrays.floats(1, 1, 3, GL_FLOAT, 0);
@@ -56,13 +64,16 @@ struct ChunkedSession::Gpu {
     arrays.source(0, geometry, 0, sizeof(Vertex));
     arrays.indices(geometry);
     gl::check("glVertexArrayBindingDivisor");
-    reserve(256);
   }
 
-  /// Room for so many chunks a frame.
-  void reserve(size_t chunks) {
-    instances = gl::Buffer(static_cast<int64_t>(chunks * sizeof(Instance)));
-    commands = gl::Buffer(static_cast<int64_t>(chunks * sizeof(Command)));
+  /// Room for so many chunks, at least doubled, but never for more than so many.
+  void reserve(size_t chunks, int64_t most) {
+    const auto needed = static_cast<int64_t>(chunks * sizeof(Instance));
+    if (needed <= instances.bytes()) return;
+    const int64_t room =
+        std::clamp(2 * instances.bytes() / kInstanceBytes, static_cast<int64_t>(chunks), most);
+    instances = gl::Buffer(room * kInstanceBytes);
+    commands = gl::Buffer(room * kCommandBytes);
     arrays.source(1, instances, 0, sizeof(Instance));
   }
 
@@ -81,17 +92,73 @@ struct ChunkedSession::Gpu {
     textures[upload.unit] = std::move(texture);
   }
 
-  void drop(std::vector<uint32_t>& dropped) {
+  void drop() {
     for (const uint32_t node : dropped) textures.erase(node);
     dropped.clear();
   }
+
+  void submit(const ChunkedHierarchy& tree, int64_t most, render::Pass& pass);
+  void draw_all(const ChunkedHierarchy& tree, render::Pass& pass);
+  void draw_textured(const ChunkedHierarchy& tree, unsigned program, render::Pass& pass);
 };
 
+/// Draws what was added, and forgets it.
+void ChunkedSession::Gpu::submit(const ChunkedHierarchy& tree, int64_t most, render::Pass& pass) {
+  if (command_data.empty()) return;
+  reserve(instance_data.size(), most);
+  instances.upload(0, as_bytes(instance_data));
+  pass.submitted.upload_bytes += static_cast<int64_t>(as_bytes(instance_data).size());
+  const bool textured = !textures.empty();
+  const unsigned name = pass.use(program, *field, {.colors = textured});
+  glUniform2f(glGetUniformLocation(name, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
+              static_cast<float>(tree.quantizer.base));
+  arrays.bind();
+  if (textured) {
+    draw_textured(tree, name, pass);
+  } else {
+    draw_all(tree, pass);
+  }
+  instance_data.clear();
+  command_data.clear();
+}
+
+void ChunkedSession::Gpu::draw_all(const ChunkedHierarchy& tree, render::Pass& pass) {
+  commands.upload(0, as_bytes(command_data));
+  pass.submitted.upload_bytes += static_cast<int64_t>(as_bytes(command_data).size());
+  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
+  glMultiDrawElementsIndirect(GL_TRIANGLES, index_type(tree), nullptr,
+                              static_cast<GLsizei>(command_data.size()), 0);
+  gl::check("glMultiDrawElementsIndirect");
+  pass.submitted.draw_calls += 1;
+}
+
+void ChunkedSession::Gpu::draw_textured(const ChunkedHierarchy& tree, unsigned name, render::Pass& pass) {
+  const GLint texels = glGetUniformLocation(name, "u_texels");
+  for (size_t i = 0; i < command_data.size(); ++i) {
+    const Command& c = command_data[i];
+    const Node& node = tree.node[instance_data[i].node];
+    textures.at(instance_data[i].node).bind(0);
+    glUniform1f(texels, static_cast<float>(node.texture_side));
+    glDrawElementsInstancedBaseVertexBaseInstance(
+        GL_TRIANGLES, static_cast<GLsizei>(c.count), index_type(tree),
+        reinterpret_cast<const void*>(static_cast<uintptr_t>(c.first_index) *
+                                      static_cast<uintptr_t>(tree.index_bytes)),
+        1, c.base_vertex, c.base_instance);
+  }
+  gl::check("glDrawElementsInstancedBaseVertexBaseInstance");
+  pass.submitted.draw_calls += static_cast<int64_t>(command_data.size());
+}
+
 ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options)
+    : ChunkedSession(hierarchy, options, make_plan(hierarchy, paging_of(options))) {}
+
+ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options,
+                               Plan plan)
     : hierarchy_(std::move(hierarchy)),
       options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
-      residency_(make_residency(hierarchy_, paging_of(options))) {
+      residency_(hierarchy_->store, std::move(plan.setup)),
+      most_pieces_(plan.most_pieces) {
   projection_ = projection_of(options, hierarchy_->frame);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
@@ -106,101 +173,77 @@ std::unique_ptr<Session> make_session(std::shared_ptr<const ChunkedHierarchy> hi
 
 int64_t ChunkedSession::resident_bytes() const {
   if (gpu_ == nullptr) return 0;
-  return gpu_->geometry.bytes() + residency_.beside_used() + gpu_->instances.bytes() + gpu_->commands.bytes();
+  return gpu_->field->bytes() + gpu_->geometry.bytes() + residency_.beside_used() + gpu_->instances.bytes() +
+         gpu_->commands.bytes();
 }
 
 void ChunkedSession::settle() { residency_.settle(); }
 
+/// Adds a chunk, and brings one that is not there: of a recorded cut, drawn again after its data went. False:
+/// this frame uses all the memory that there is.
+bool ChunkedSession::add(const CutNode& picked, render::Pass& pass) {
+  const ChunkedHierarchy& tree = *hierarchy_;
+  Gpu& gpu = *gpu_;
+  const Node& node = tree.node[picked.node];
+  if (static_cast<int64_t>(gpu.command_data.size()) == most_pieces_) return false;
+  if (residency_.offset(picked.node) < 0) {
+    const auto upload = residency_.admit(picked.node, true, gpu.dropped);
+    gpu.drop();
+    if (!upload) return false;
+    gpu.upload(tree, *upload, pass.submitted);
+  }
+  residency_.touch(picked.node);
+  const int64_t offset = residency_.offset(picked.node);
+  const auto base_vertex = static_cast<int32_t>(offset / 8);
+  const int64_t first_index = (offset + int64_t{node.vertices} * 8) / tree.index_bytes;
+  const uint32_t count = skirts_ ? node.indices : node.surface_indices;
+  gpu.command_data.push_back({count, 1, static_cast<uint32_t>(first_index), base_vertex,
+                              static_cast<uint32_t>(gpu.instance_data.size())});
+  gpu.instance_data.push_back({static_cast<float>(node.col), static_cast<float>(node.row), picked.morph,
+                               static_cast<uint32_t>(base_vertex) + node.surface_vertices, picked.node,
+                               static_cast<uint32_t>(tree.root_side >> node.level) << 8 | node.level});
+  pass.submitted.triangles += count / 3;
+  pass.submitted.filler_triangles += (count - node.surface_indices) / 3;
+  pass.submitted.vertices += skirts_ ? node.vertices : node.surface_vertices;
+  ++pass.submitted.nodes;
+  return true;
+}
+
+/// A cut that needs more than memory holds is drawn in rounds, in which chunks take turns. Selection never
+/// leads to one while streaming, but a cut of another session may.
 void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
   gl::ensure_context();
   const ChunkedHierarchy& tree = *hierarchy_;
-  std::vector<uint32_t> dropped;
   if (gpu_ == nullptr) {
     gpu_ = std::make_unique<Gpu>(tree, residency_.capacity());
     const size_t first = residency_.streams() ? tree.roots : tree.node.size();
     for (uint32_t i = 0; i < first; ++i) {
-      if (const auto upload = residency_.admit(i, true, dropped)) gpu_->upload(tree, *upload, pass.submitted);
+      if (const auto upload = residency_.admit(i, true, gpu_->dropped))
+        gpu_->upload(tree, *upload, pass.submitted);
     }
   }
-  Gpu& gpu = *gpu_;
-  gpu.instance_data.clear();
-  gpu.command_data.clear();
   for (const CutNode& picked : cut.nodes) {
-    if (!picked.visible && !pass.everything()) continue;
-    const Node& node = tree.node[picked.node];
-    if (residency_.offset(picked.node) < 0) {  // a recorded cut, drawn again after its data went
-      const auto upload = residency_.admit(picked.node, true, dropped);
-      gpu.drop(dropped);
-      if (!upload) {
-        throw Unsupported("chunked: gpu_cache_mb cannot hold this cut of " +
-                          std::to_string(cut.nodes.size()) + " nodes");
-      }
-      gpu.upload(tree, *upload, pass.submitted);
-    }
-    residency_.touch(picked.node);
-    const int64_t offset = residency_.offset(picked.node);
-    const auto base_vertex = static_cast<int32_t>(offset / 8);
-    const int64_t first_index = (offset + int64_t{node.vertices} * 8) / tree.index_bytes;
-    const uint32_t count = skirts_ ? node.indices : node.surface_indices;
-    gpu.command_data.push_back({count, 1, static_cast<uint32_t>(first_index), base_vertex,
-                                static_cast<uint32_t>(gpu.instance_data.size())});
-    gpu.instance_data.push_back({static_cast<float>(node.col), static_cast<float>(node.row), picked.morph,
-                                 static_cast<uint32_t>(base_vertex) + node.surface_vertices, picked.node,
-                                 static_cast<uint32_t>(tree.root_side >> node.level) << 8 | node.level});
-    pass.submitted.triangles += count / 3;
-    pass.submitted.filler_triangles += (count - node.surface_indices) / 3;
-    pass.submitted.vertices += skirts_ ? node.vertices : node.surface_vertices;
-    ++pass.submitted.nodes;
-  }
-  if (!gpu.command_data.empty()) {
-    if (gpu.instance_data.size() * sizeof(Instance) > static_cast<size_t>(gpu.instances.bytes())) {
-      gpu.reserve(gpu.instance_data.size() * 2);
-    }
-    gpu.instances.upload(0, as_bytes(gpu.instance_data));
-    pass.submitted.upload_bytes +=
-        static_cast<int64_t>(gpu.instance_data.size() * (sizeof(Instance) + sizeof(Command)));
-    const bool textured = !gpu.textures.empty();
-    const unsigned program = pass.use(gpu.program, *gpu.field, {.colors = textured});
-    glUniform2f(glGetUniformLocation(program, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
-                static_cast<float>(tree.quantizer.base));
-    gpu.arrays.bind();
-    const GLenum type = tree.index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
-    if (!textured) {
-      gpu.commands.upload(0, as_bytes(gpu.command_data));
-      glBindBuffer(GL_DRAW_INDIRECT_BUFFER, gpu.commands.id());
-      glMultiDrawElementsIndirect(GL_TRIANGLES, type, nullptr, static_cast<GLsizei>(gpu.command_data.size()),
-                                  0);
-      gl::check("glMultiDrawElementsIndirect");
-      pass.submitted.draw_calls += 1;
-    } else {
-      const GLint texels = glGetUniformLocation(program, "u_texels");
-      for (size_t i = 0; i < gpu.command_data.size(); ++i) {
-        const Command& c = gpu.command_data[i];
-        const Node& node = tree.node[gpu.instance_data[i].node];
-        gpu.textures.at(gpu.instance_data[i].node).bind(0);
-        glUniform1f(texels, static_cast<float>(node.texture_side));
-        glDrawElementsInstancedBaseVertexBaseInstance(
-            GL_TRIANGLES, static_cast<GLsizei>(c.count), type,
-            reinterpret_cast<const void*>(static_cast<uintptr_t>(c.first_index) *
-                                          static_cast<uintptr_t>(tree.index_bytes)),
-            1, c.base_vertex, c.base_instance);
-      }
-      gl::check("glDrawElementsInstancedBaseVertexBaseInstance");
-      pass.submitted.draw_calls += static_cast<int64_t>(gpu.command_data.size());
+    if ((!picked.visible && !pass.everything()) || add(picked, pass)) continue;
+    gpu_->submit(tree, most_pieces_, pass);
+    residency_.next_frame();
+    if (!add(picked, pass)) {
+      throw Unsupported("chunked: gpu_cache_mb cannot hold node " + std::to_string(picked.node) +
+                        " beside the roots");
     }
   }
-  if (!residency_.streams()) return;
-  // What arrived meanwhile becomes resident for the next frame.
-  int64_t moved = 0;
+  gpu_->submit(tree, most_pieces_, pass);
+  if (residency_.streams()) admit_wanted(pass.submitted);
+}
+
+/// What arrived meanwhile becomes resident for the next frame.
+void ChunkedSession::admit_wanted(render::Submitted& submitted) {
+  const int64_t most = submitted.upload_bytes + kUploadPerFrame;
   for (const Residency::Want& want : residency_.wanted()) {
-    if (moved >= kUploadPerFrame) break;
+    if (submitted.upload_bytes >= most) break;
     if (residency_.resident(want.unit)) continue;
-    const auto upload = residency_.admit(want.unit, false, dropped);
-    gpu.drop(dropped);
-    if (!upload) continue;
-    const int64_t before = pass.submitted.upload_bytes;
-    gpu.upload(tree, *upload, pass.submitted);
-    moved += pass.submitted.upload_bytes - before;
+    const auto upload = residency_.admit(want.unit, false, gpu_->dropped);
+    gpu_->drop();
+    if (upload) gpu_->upload(*hierarchy_, *upload, submitted);
   }
 }
 

@@ -46,6 +46,8 @@ class ChunkedHierarchy : public Hierarchy, public std::enable_shared_from_this<C
   double quantum() const override { return quantizer.quantum; }
   int64_t vertices() const override;
   std::unique_ptr<Session> session(const Options& draw_options) const override;
+  /// The mask of coverage.h.
+  Bytes coverage() const { return store->page(kCoverage, 0); }
 
   std::shared_ptr<const Store> store;
   FieldFrame frame;

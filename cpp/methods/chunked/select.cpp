@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/errors.h"
 #include "methods/chunked/session.h"
@@ -30,8 +31,14 @@ Cut ChunkedSession::select(const View& view, const Budget& budget) {
   cut.promises_bound = projection_ != Projection::kPaper && morph_ != Morph::kFormula4;
   residency_.next_frame();
   picked_.clear();
+  split_.clear();
+  held_.clear();
+  wants_.clear();
   if (budget.triangles || budget.nodes) {
-    select_by_priority(camera, projector, budget, cut);
+    LeastCut::Limits limits;
+    limits.triangles = budget.triangles.value_or(limits.triangles);
+    limits.nodes = budget.nodes.value_or(limits.nodes);
+    select_by_priority(camera, projector, limits, budget.pixel_error.value_or(0.0), cut);
   } else {
     select_top_down(camera, projector, *budget.pixel_error, cut);
   }
@@ -71,19 +78,63 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
   }
 }
 
-/// Refines the visible node with the largest projected error until the next does not fit. Culled nodes
-/// stay coarse: they are not submitted.
-void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector,
-                                        const Budget& budget, Cut& cut) {
+/// Where the roots are over a hard budget: what to split for the cheapest cut, of what is there.
+void ChunkedSession::find_least(const Camera& camera, const LeastCut::Limits& limits, Cut& cut) {
   const std::vector<Node>& nodes = hierarchy_->node;
-  const double target = budget.pixel_error.value_or(0.0);
-  const int64_t most_triangles = budget.triangles.value_or(std::numeric_limits<int64_t>::max());
-  const int64_t most_nodes = budget.nodes.value_or(std::numeric_limits<int64_t>::max());
+  std::vector<LeastCut::Item> items, there;
+  const auto add = [&](uint32_t id, int32_t parent) {
+    if (camera.sees(box_of(nodes[id])))
+      items.push_back({id, parent, submitted_triangles(nodes[id]), nodes[id].children > 0});
+  };
+  for (uint32_t i = 0; i < hierarchy_->roots; ++i) add(i, -1);
+  for (size_t i = 0; i < items.size(); ++i) {
+    const Node& node = nodes[items[i].node];
+    for (uint32_t c = 0; c < node.children; ++c) add(node.first_child + c, static_cast<int32_t>(i));
+  }
+  if (residency_.streams()) {
+    there = items;
+    for (LeastCut::Item& item : there) item.splits = item.splits && refinable(item.node);
+  }
+  const LeastCut least(std::move(items), limits);
+  split_ = least.split();
+  if (!limits.keep(least.cost())) {
+    cut.least_triangles = least.cost().triangles;
+    cut.least_nodes = least.cost().nodes;
+  }
+  if (!residency_.streams()) return;
+  const LeastCut drawn(std::move(there), limits);
+  if (!limits.keep(drawn.cost())) want_least(split_);
+  split_ = drawn.split();
+}
+
+/// Asks for what the cheapest cut lacks, from the top down, and keeps what there is of it.
+void ChunkedSession::want_least(const std::vector<uint32_t>& split) {
+  held_ = split;
+  for (const uint32_t id : split) {
+    if (!residency_.resident(id)) continue;
+    residency_.touch(id);
+    const Node& node = hierarchy_->node[id];
+    for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) {
+      if (residency_.resident(c)) {
+        residency_.touch(c);
+      } else {
+        wants_.push_back({c, std::numeric_limits<double>::infinity()});
+      }
+    }
+  }
+}
+
+/// Refines the visible node with the largest projected error until the next does not fit. Culled nodes
+/// stay coarse: they are not submitted. It starts from the roots, or where they do not fit from the cheapest
+/// cut.
+void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector,
+                                        const LeastCut::Limits& limits, double target, Cut& cut) {
+  const std::vector<Node>& nodes = hierarchy_->node;
   const auto less = [](const Candidate& a, const Candidate& b) {
     return less_urgent(a.rho, a.node, b.rho, b.node);
   };
   heap_.clear();
-  int64_t triangles = 0, visible_nodes = 0;
+  LeastCut::Cost cost;
   const auto add = [&](uint32_t id) {
     const Node& node = nodes[id];
     if (residency_.streams()) residency_.touch(id);
@@ -91,8 +142,8 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
       picked_.push_back({id, 0, 1.0f, false, false});
       return;
     }
-    triangles += submitted_triangles(node);
-    ++visible_nodes;
+    cost.triangles += submitted_triangles(node);
+    ++cost.nodes;
     const double rho = projector.project(node.error, projector.place(node.lo, node.hi));
     if (node.children == 0) {
       picked_.push_back({id, 0, 1.0f, true, false});
@@ -101,19 +152,32 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
       std::push_heap(heap_.begin(), heap_.end(), less);
     }
   };
+  const auto start = [&](const auto& self, uint32_t id) -> void {
+    if (!std::binary_search(split_.begin(), split_.end(), id)) return add(id);
+    if (residency_.streams()) residency_.touch(id);
+    const Node& node = nodes[id];
+    for (uint32_t c = 0; c < node.children; ++c) self(self, node.first_child + c);
+  };
   for (uint32_t i = 0; i < hierarchy_->roots; ++i) add(i);
+  if (!limits.keep(cost)) {
+    find_least(camera, limits, cut);
+    picked_.clear();
+    heap_.clear();
+    cost = {};
+    for (uint32_t i = 0; i < hierarchy_->roots; ++i) start(start, i);
+  }
   cut.tau = target;
   while (!heap_.empty()) {
     const Candidate top = heap_.front();
     if (top.rho <= target) break;
     const Node& node = nodes[top.node];
-    int64_t more_triangles = triangles - submitted_triangles(node), more_nodes = visible_nodes - 1;
+    LeastCut::Cost more{cost.triangles - submitted_triangles(node), cost.nodes - 1};
     for (uint32_t c = node.first_child; c < node.first_child + node.children; ++c) {
       if (!camera.sees(box_of(nodes[c]))) continue;
-      more_triangles += submitted_triangles(nodes[c]);
-      ++more_nodes;
+      more.triangles += submitted_triangles(nodes[c]);
+      ++more.nodes;
     }
-    if (more_triangles > most_triangles || more_nodes > most_nodes) {
+    if (!limits.keep(more)) {
       cut.tau = top.rho;
       break;
     }
@@ -124,11 +188,14 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
       picked_.push_back({top.node, 0, 1.0f, true, true});
       continue;
     }
-    triangles -= submitted_triangles(node);
-    --visible_nodes;
+    cost.triangles -= submitted_triangles(node);
+    --cost.nodes;
     for (uint32_t c = 0; c < node.children; ++c) add(node.first_child + c);
   }
-  for (const Candidate& rest : heap_) picked_.push_back({rest.node, 0, 1.0f, true, false});
+  for (const Candidate& rest : heap_) {
+    const bool held = std::binary_search(held_.begin(), held_.end(), rest.node);
+    picked_.push_back({rest.node, 0, 1.0f, true, held});
+  }
   std::sort(picked_.begin(), picked_.end(),
             [](const CutNode& a, const CutNode& b) { return a.node < b.node; });
 }
@@ -168,7 +235,6 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
 
 /// Children are requested when their parent is drawn, the most wanted first.
 void ChunkedSession::request_children(const Cut& cut, const Projector& projector) {
-  std::vector<Residency::Want> wants;
   for (const CutNode& picked : cut.nodes) {
     const Node& node = hierarchy_->node[picked.node];
     if (!picked.visible || node.children == 0) continue;
@@ -177,11 +243,11 @@ void ChunkedSession::request_children(const Cut& cut, const Projector& projector
       if (residency_.resident(c)) {
         residency_.touch(c);
       } else {
-        wants.push_back({c, rho});
+        wants_.push_back({c, rho});
       }
     }
   }
-  residency_.want(std::move(wants));
+  residency_.want(std::move(wants_));
 }
 
 Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {

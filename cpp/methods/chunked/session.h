@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "method/least_cut.h"
 #include "method/projector.h"
 #include "methods/chunked/hierarchy.h"
 #include "methods/chunked/residency.h"
@@ -29,12 +30,16 @@ class ChunkedSession : public Session {
   void settle() override;
 
  private:
+  ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options, Plan plan);
   struct Candidate {
     double rho;
     uint32_t node;
   };
   void select_top_down(const Camera& camera, const Projector& projector, double tau, Cut& cut);
-  void select_by_priority(const Camera& camera, const Projector& projector, const Budget& budget, Cut& cut);
+  void select_by_priority(const Camera& camera, const Projector& projector, const LeastCut::Limits& limits,
+                          double target, Cut& cut);
+  void find_least(const Camera& camera, const LeastCut::Limits& limits, Cut& cut);
+  void want_least(const std::vector<uint32_t>& split);
   void finish(const Projector& projector, const Budget& budget, Cut& cut) const;
   void request_children(const Cut& cut, const Projector& projector);
   /// The bound of a node drawn with this morph weight: between its own and its parent's, and what floats
@@ -47,6 +52,8 @@ class ChunkedSession : public Session {
     return (skirts_ ? node.indices : node.surface_indices) / 3;
   }
   bool refinable(uint32_t node);
+  bool add(const CutNode& picked, render::Pass& pass);
+  void admit_wanted(render::Submitted& submitted);
 
   std::shared_ptr<const ChunkedHierarchy> hierarchy_;
   std::string options_json_;
@@ -54,9 +61,13 @@ class ChunkedSession : public Session {
   Morph morph_;
   bool skirts_;
   Residency residency_;
+  int64_t most_pieces_;
   std::vector<uint32_t> queue_;
   std::vector<Candidate> heap_;
   std::vector<CutNode> picked_;
+  std::vector<uint32_t> split_;  // by the cheapest cut, where the roots are over a hard budget
+  std::vector<uint32_t> held_;   // that it would split if all were there, where a budget waits for that
+  std::vector<Residency::Want> wants_;  // of a frame
 
   struct Gpu;  // GL objects: draw.cpp
   std::unique_ptr<Gpu> gpu_;

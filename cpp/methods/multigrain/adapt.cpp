@@ -76,7 +76,7 @@ void Adapter::begin() {
   moves_.clear();
   queues_up_ = false;
   if (cut_.empty()) {
-    start_at_roots();
+    start_coarsest();
     return;
   }
   triangles_ = nodes_ = 0;
@@ -93,22 +93,44 @@ void Adapter::begin() {
   }
 }
 
-void Adapter::start_at_roots() {
+/// The roots; where they break a hard budget, the cheapest cut.
+void Adapter::start_coarsest() {
   forget();
   moves_.clear();
   queues_up_ = false;
-  for (uint32_t id = 0; id < forest_.roots; ++id) put(id, node(id).least);
+  const auto place = [this](const auto& self, uint32_t id) -> void {
+    const Node& n = node(id);
+    if (!std::binary_search(least_.begin(), least_.end(), id)) return put(id, n.least);
+    for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) self(self, c);
+  };
+  for (uint32_t id = 0; id < forest_.roots; ++id) place(place, id);
 }
 
-/// Whether the coarsest cut keeps the hard budgets; if not, it is what is drawn.
-bool Adapter::roots_fit() {
-  int64_t sum = 0, count = 0;
+/// Whether any cut keeps the hard budgets; the cheapest one is what is drawn if not. Its resolutions are the
+/// least ones, whose heights are always there.
+bool Adapter::coarsest_fits() {
+  const LeastCut::Limits limits{frame_.triangles, frame_.nodes};
+  std::vector<LeastCut::Item> items;
+  const auto add = [&](uint32_t id, int32_t parent) {
+    if (look(id).visible) items.push_back({id, parent, triangles(id, node(id).least), node(id).children > 0});
+  };
+  least_.clear();
+  least_cost_ = {};
   for (uint32_t id = 0; id < forest_.roots; ++id) {
     if (!look(id).visible) continue;
-    sum += triangles(id, node(id).least);
-    ++count;
+    least_cost_.triangles += triangles(id, node(id).least);
+    ++least_cost_.nodes;
   }
-  return sum <= frame_.triangles && count <= frame_.nodes;
+  if (limits.keep(least_cost_)) return true;
+  for (uint32_t id = 0; id < forest_.roots; ++id) add(id, -1);
+  for (size_t i = 0; i < items.size(); ++i) {
+    const Node& n = node(items[i].node);
+    for (uint32_t c = n.first_child; c < n.first_child + n.children; ++c) add(c, static_cast<int32_t>(i));
+  }
+  const LeastCut least(std::move(items), limits);
+  least_ = least.split();
+  least_cost_ = least.cost();
+  return limits.keep(least_cost_);
 }
 
 /// Whether the node is seen, from where, and which of its heights are there: once a frame.

@@ -13,6 +13,7 @@
 #include <optional>
 #include <vector>
 
+#include "method/least_cut.h"
 #include "method/projector.h"
 #include "methods/multigrain/heap.h"
 #include "methods/multigrain/hierarchy.h"
@@ -29,7 +30,7 @@ class Adapter {
   /// Fills the nodes and figures of a cut; the caller says what it promises. Throws Unsupported for an
   /// algorithm that does not serve the budget.
   void select(Adapt adapt, const Camera& camera, const Budget& budget, Cut& cut);
-  /// The next frame starts from the roots.
+  /// The next frame starts from the coarsest cut.
   void reset() {
     forget();
     last_level_ = Level{};
@@ -68,7 +69,7 @@ class Adapter {
     const Camera* camera = nullptr;
     double target = 0.0;  ///< pixels at which refining stops
     int64_t triangles = std::numeric_limits<int64_t>::max(), nodes = std::numeric_limits<int64_t>::max();
-    bool fits = true;  ///< the coarsest cut keeps them
+    bool fits = true;  ///< a cut keeps them, and so does start_coarsest()'s
   };
   /// How far a cut is from what is wanted; the smaller the better, compared in this order.
   struct Score {
@@ -80,8 +81,8 @@ class Adapter {
   // The cut and its moves: adapt.cpp
   void forget();
   void begin();
-  void start_at_roots();
-  bool roots_fit();
+  void start_coarsest();
+  bool coarsest_fits();
   const Node& node(uint32_t id) const { return forest_.node[id]; }
   Spot& look(uint32_t id);
   int stride(uint32_t id) const { return spot_[id].stride; }
@@ -182,6 +183,8 @@ class Adapter {
   std::vector<uint32_t> fewest_;         ///< beside Forest::resolution
   std::vector<uint32_t> cut_, scratch_;  ///< ids on the cut (and stale ones): sorted, then those added since
   size_t sorted_ = 0;
+  std::vector<uint32_t> least_;  ///< nodes that the coarsest cut splits: where the roots break a budget
+  LeastCut::Cost least_cost_;    ///< of it, then
   int64_t triangles_ = 0, nodes_ = 0, active_ = 0;  ///< of visible nodes; visible; on the cut
   int64_t steps_ = 0;
   std::vector<Move> moves_;

@@ -163,6 +163,10 @@ void Adapter::write(const Budget& budget, Cut& cut) {
   cut.triangles = triangles_;
   cut.visible_nodes = nodes_;
   cut.adapt_steps = steps_;
+  if (!frame_.fits) {
+    cut.least_triangles = least_cost_.triangles;
+    cut.least_nodes = least_cost_.nodes;
+  }
   cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
                    (!budget.triangles || triangles_ <= *budget.triangles) &&
                    (!budget.nodes || nodes_ <= *budget.nodes);

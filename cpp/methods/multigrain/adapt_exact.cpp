@@ -11,9 +11,11 @@ void Adapter::select_exact() {
   Exact exact(forest_, projection_, *frame_.camera);
   const auto error = exact.least_error({frame_.triangles, frame_.nodes}, frame_.target);
   steps_ = exact.tried();
-  frame_.fits = error.has_value();
-  start_at_roots();
-  if (!error) return;
+  if (!error) {
+    frame_.fits = coarsest_fits();
+    return start_coarsest();
+  }
+  start_coarsest();
   forget();
   for (const auto& [id, k] : exact.cut(*error, frame_.nodes)) put(id, std::min<int>(k, most(id)));
 }

@@ -18,7 +18,7 @@ void Adapter::select_quad() {
   blocked_ = kNone;
   if (nodes_ > frame_.nodes) trade();
   if (nodes_ > frame_.nodes || !balance()) {
-    start_at_roots();
+    start_coarsest();
     balance();
   }
   Score best = score();

@@ -7,8 +7,8 @@
 namespace lodlab::multigrain {
 
 void Adapter::select_topdown() {
-  start_at_roots();
-  for (uint32_t id = 0; id < forest_.roots; ++id) resolve(id, first_within(id, frame_.target));
+  start_coarsest();
+  for (const uint32_t id : cut_) resolve(id, first_within(id, frame_.target));
   merges_ = false;
   trade();
 }

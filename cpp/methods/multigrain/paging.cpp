@@ -11,6 +11,7 @@
 #include "methods/multigrain/lattice.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/squares.h"
+#include "render/field_resources.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -76,12 +77,10 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
   const bool border = layout.fringe_row() >= 0;
   const int64_t per_node =  // instance, commands; buffers may double
       2 * ((border ? 64 : 44) + 16 * static_cast<int64_t>(maps));
-  const FieldFrame& frame = forest.frame;
-  const int64_t tables = frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0;
-  const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
-  const int64_t fringe = border ? bytes_of_vertex(frame) * (layout.last_col() + 1) : 0;
-  return 4 * indices + fringe + per_node * static_cast<int64_t>(forest.node.size()) + tables +
-         (forest.coverage().empty() ? 0 : mask) + layout.blocks_x() * layout.blocks_y() + 3;
+  const int64_t fringe = border ? bytes_of_vertex(forest.frame) * (layout.last_col() + 1) : 0;
+  return 4 * indices + fringe + per_node * static_cast<int64_t>(forest.node.size()) +
+         render::FieldResources::bytes_of(forest.frame, !forest.coverage().empty()) +
+         layout.blocks_x() * layout.blocks_y() + 3;
 }
 
 }  // namespace

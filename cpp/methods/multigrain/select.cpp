@@ -41,11 +41,11 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
   if (budget.nodes) frame_.nodes = *budget.nodes;
   steps_ = 0;
   local_ = budget.triangles.has_value();
-  frame_.fits = adapt == Adapt::kExact || roots_fit();
+  frame_.fits = adapt == Adapt::kExact || coarsest_fits();
   if (adapt == Adapt::kExact) {
     select_exact();
   } else if (!frame_.fits) {
-    start_at_roots();
+    start_coarsest();
   } else if (adapt == Adapt::kQuad) {
     select_quad();
   } else if (adapt == Adapt::kLevel) {

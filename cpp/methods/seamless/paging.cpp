@@ -12,6 +12,7 @@
 #include "methods/seamless/ranges.h"
 #include "methods/seamless/seamless.h"
 #include "methods/seamless/squares.h"
+#include "render/field_resources.h"
 
 namespace lodlab::seamless {
 namespace {
@@ -27,9 +28,8 @@ int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2()
 
 /// The most that index ranges can take on the GPU, and what the field does.
 int64_t bytes_beside_heights(const Hierarchy& hierarchy, const PatchMesh& mesh) {
-  const FieldFrame& frame = hierarchy.frame;
-  const int64_t mask = (frame.rows * frame.cols + 31) / 32 * 4;
-  return Ranges::most_bytes(mesh, hierarchy.layout) + (hierarchy.coverage().empty() ? 0 : mask);
+  return Ranges::most_bytes(mesh, hierarchy.layout) +
+         render::FieldResources::bytes_of(hierarchy.frame, !hierarchy.coverage().empty());
 }
 
 [[noreturn]] void refuse(const std::string& what, const char* option, int64_t least, int64_t given) {

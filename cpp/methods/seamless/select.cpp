@@ -11,25 +11,30 @@
 namespace lodlab::seamless {
 
 /// The precision that the budget asks for; a given rho is taken as it is, but for hard budgets.
-double SeamlessSession::fineness(Selector& selector, const Budget& budget) const {
+Selector::Cheapest SeamlessSession::asked_for(Selector& selector, const Budget& budget,
+                                              const Selector::Limits& limits) const {
   const double asked =
       metric_.rho > 0.0 ? metric_.rho : selector.fineness_for(budget.pixel_error.value_or(0.0));
-  return budget.triangles || budget.nodes ? within(selector, budget, asked) : asked;
-}
-
-double SeamlessSession::within(Selector& selector, const Budget& budget, double most) const {
-  constexpr int64_t kNone = std::numeric_limits<int64_t>::max();
-  return selector.fineness_within(budget.triangles.value_or(kNone), budget.nodes.value_or(kNone), most);
+  if (!budget.triangles && !budget.nodes) return {asked, true, {}};
+  const Selector::Cheapest found = selector.within(limits, asked);
+  return found.fits ? found : selector.cheapest(limits, asked, nullptr);
 }
 
 Cut SeamlessSession::select(const View& view, const Budget& budget) {
   const Camera camera = make_camera(view);
   const Projector projector(projection_, camera);
   Selector selector(*hierarchy_, mesh_, metric_, projector, &camera, scratch_);
-  const double asked = fineness(selector, budget);
-  if (paging_->streams()) ask_for(selector, asked, camera.eye);
-  const double drawn = paging_->streams() ? stand_in(selector, budget, asked) : asked;
+  Selector::Limits limits;
+  limits.triangles = budget.triangles.value_or(limits.triangles);
+  limits.nodes = budget.nodes.value_or(limits.nodes);
+  const Selector::Cheapest asked = asked_for(selector, budget, limits);
+  if (paging_->streams()) ask_for(selector, asked.fineness, camera.eye);
+  const double drawn = paging_->streams() ? stand_in(selector, limits, asked) : asked.fineness;
   Cut cut;
+  if (!asked.fits) {
+    cut.least_triangles = asked.cost.triangles;
+    cut.least_nodes = asked.cost.nodes;
+  }
   cut.view = view;
   cut.options = options_json_;
   cut.promises_bound = promises_bound();
@@ -50,11 +55,23 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
   return cut;
 }
 
-/// Streaming: what a visible patch draws must be there. Where it is not, its parent stands in: it is kept
-/// from splitting, and so is what the claim ties to it. Each round blocks a patch above a missing one, so
-/// this ends at the root, which is always there. Hard budgets are found again, as coarser patches leave some
-/// of them.
-double SeamlessSession::stand_in(Selector& selector, const Budget& budget, double asked) {
+/// Streaming: what a visible patch draws must be there. Where what stands in for it breaks a hard budget, the
+/// cheapest cut of what is there is drawn.
+double SeamlessSession::stand_in(Selector& selector, const Selector::Limits& limits,
+                                 const Selector::Cheapest& asked) {
+  const double drawn = stand_in_within(selector, limits, asked.fineness);
+  if (drawn == asked.fineness && selector.blocks() == 0) return drawn;
+  if (limits.keep(selector.count(drawn, limits))) return drawn;
+  selector.unblock();
+  selector.stand_in_for(Precision::of(asked.fineness));
+  const Selector::Missing missing = [this](const Patch& p) { return !paging_->resident(hierarchy_->id(p)); };
+  return selector.cheapest(limits, asked.fineness, &missing).fineness;
+}
+
+/// Where a patch is missing, its parent is kept from splitting, and so is what the claim ties to it. Each
+/// round blocks a patch above a missing one, so this ends at the root, which is always there. Hard budgets
+/// are found again, as coarser patches leave some of them.
+double SeamlessSession::stand_in_within(Selector& selector, const Selector::Limits& limits, double asked) {
   constexpr size_t kMostBlocks = 64;  // each costs all edges a look; beyond them everything becomes coarser
   double most = asked, fineness = asked;
   while (true) {
@@ -74,7 +91,7 @@ double SeamlessSession::stand_in(Selector& selector, const Budget& budget, doubl
     } else {
       for (const int64_t id : parents_) selector.block(hierarchy_->layout.at(id), precision);
     }
-    if (budget.triangles || budget.nodes) fineness = within(selector, budget, most);
+    if (limits.any()) fineness = selector.within(limits, most).fineness;
   }
 }
 

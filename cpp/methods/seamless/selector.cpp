@@ -107,8 +107,10 @@ void Selector::block(const Patch& p, const Precision& precision) {
 }
 
 bool Selector::blocked(const Patch& p, const Precision& precision) const {
-  return !blocks_.empty() && p.level + 1 < layout_.levels &&
-         Edges(reach(level_of(p), weights(level_of(p), p), precision.rho), distances_.of(level_of(p), p), precision.away).split();
+  if ((blocks_.empty() && !wanted_) || p.level + 1 == layout_.levels) return false;
+  const Precision wanted = wanted_.value_or(precision);
+  const Level& level = level_of(p);
+  return Edges(reach(level, weights(level, p), wanted.rho), distances_.of(level, p), wanted.away).split();
 }
 
 /// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
@@ -210,25 +212,31 @@ bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
   }
 }
 
-/// Bisection on a logarithmic scale from the coarsest cut to `most`, until 99 % of a budget are spent. Where
-/// children of a patch on the frustum's border are culled, finer may be fewer: then it is a cut that keeps
-/// the budgets, if not the finest.
-double Selector::fineness_within(int64_t triangles, int64_t nodes, double most) {
-  int64_t drawn = 0, count = 0;
+LeastCut::Cost Selector::count(double fineness, const Limits& limits) {
+  LeastCut::Cost cost;
+  traverse(Precision::of(fineness), Scope::kVisible, [&](const Active& a) {
+    ++cost.nodes;
+    cost.triangles += mesh_.triangles(a.k, layout_.clip_x(a.patch), layout_.clip_y(a.patch));
+    return limits.keep(cost);
+  });
+  return cost;
+}
+
+/// On a logarithmic scale from the coarsest cut to `most`, until 99 % of a budget are spent. Where children
+/// of a patch on the frustum's border are culled, finer may be fewer: then it is a cut that keeps the
+/// budgets, if not the finest.
+Selector::Cheapest Selector::within(const Limits& limits, double most) {
+  LeastCut::Cost drawn;
   const auto fits = [&](double fineness) {
-    drawn = count = 0;
-    traverse(Precision::of(fineness), Scope::kVisible, [&](const Active& a) {
-      ++count;
-      drawn += mesh_.triangles(a.k, layout_.clip_x(a.patch), layout_.clip_y(a.patch));
-      return drawn <= triangles && count <= nodes;
-    });
-    return drawn <= triangles && count <= nodes;
+    drawn = count(fineness, limits);
+    return limits.keep(drawn);
   };
-  if (fits(most)) return most;
+  if (fits(most)) return {most, true, drawn};
   const double span = hierarchy_.level.front().length;
   const auto scale = [&](double f) { return f < 0.0 ? -std::log1p(-f / span) : std::log1p(f * gain()); };
   const auto fineness = [&](double s) { return s < 0.0 ? -span * std::expm1(-s) : std::expm1(s) / gain(); };
   double low = scale(coarsest()), high = scale(most);
+  std::optional<Cheapest> found;
   for (int i = 0; i < 40; ++i) {
     const double middle = 0.5 * (low + high);
     if (!fits(fineness(middle))) {
@@ -236,9 +244,12 @@ double Selector::fineness_within(int64_t triangles, int64_t nodes, double most) 
       continue;
     }
     low = middle;
-    if (drawn >= triangles - triangles / 100 || count == nodes) break;
+    found = {fineness(middle), true, drawn};
+    if (drawn.triangles >= limits.triangles - limits.triangles / 100 || drawn.nodes == limits.nodes) break;
   }
-  return low == scale(coarsest()) ? coarsest() : fineness(low);
+  if (found) return *found;
+  const bool kept = fits(coarsest());
+  return {coarsest(), kept, drawn};
 }
 
 }  // namespace lodlab::seamless

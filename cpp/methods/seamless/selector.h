@@ -4,10 +4,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
 #include "geometry/view.h"
+#include "method/least_cut.h"
 #include "method/projector.h"
 #include "methods/seamless/mesh.h"
 #include "methods/seamless/metric.h"
@@ -46,8 +48,22 @@ class Selector {
   /// The least fineness at which no visible patch projects to more than tau, but for what the last level
   /// cannot better.
   double fineness_for(double tau);
-  /// The greatest fineness, at most `most`, that keeps the hard budgets; the least there is where none does.
-  double fineness_within(int64_t triangles, int64_t nodes, double most);
+  using Limits = LeastCut::Limits;
+  struct Cheapest {
+    double fineness;
+    bool fits;  ///< it keeps the hard budgets
+    LeastCut::Cost cost;
+  };
+  /// Visible patches at a fineness, until they break the limits.
+  LeastCut::Cost count(double fineness, const Limits& limits);
+  /// By bisection a great fineness, at most `most`, that keeps the hard budgets; where the coarsest cut does
+  /// not, either, there may be none, or one that was passed over.
+  Cheapest within(const Limits& limits, double most);
+  using Missing = std::function<bool(const Patch&)>;
+  /// Of all that keep the hard budgets the greatest fineness that is at most `most`, or the least above it;
+  /// where none does, the one whose cut is the cheapest, in the order of LeastCut. `missing`: null, or
+  /// patches that cannot be drawn; no block is heeded.
+  Cheapest cheapest(const Limits& limits, double most, const Missing* missing);
 
   /// Bound of a patch as drawn, source units, and as pixels. With `metric=distance` what is typical.
   double error(const Patch& p, const Resolutions& k) const;
@@ -64,13 +80,16 @@ class Selector {
   void block(const Patch& p, const Precision& precision);
   void unblock() { blocks_.clear(); }
   size_t blocks() const { return blocks_.size(); }
-  /// Whether a patch would split if nothing were blocked.
+  /// What is drawn stands in for the cut at this precision.
+  void stand_in_for(const Precision& precision) { wanted_ = precision; }
+  /// Whether a patch would split if nothing were blocked, or in the cut that it stands in for.
   bool blocked(const Patch& p, const Precision& precision) const;
 
   int64_t traversed = 0;  ///< patches looked at, by all of the above
 
  private:
   static constexpr uint8_t kOutside = 0xff;
+  class Sweep;  // cheapest.cpp
 
   Edges edges(const Level& level, const Patch& p, const std::array<double, 4>& weight,
               const Precision& precision) const {
@@ -121,6 +140,7 @@ class Selector {
     double east, south, distance;
   };
   std::vector<Block> blocks_;
+  std::optional<Precision> wanted_;
 };
 
 inline std::array<double, 4> Selector::weights(const Level& level, const Patch& p) const {

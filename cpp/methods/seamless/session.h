@@ -38,9 +38,11 @@ class SeamlessSession : public Session {
   bool promises_bound() const {
     return metric_.roughness && projection_ != Projection::kPaper && !hierarchy_->averaged();
   }
-  double fineness(Selector& selector, const Budget& budget) const;
-  double within(Selector& selector, const Budget& budget, double most) const;
-  double stand_in(Selector& selector, const Budget& budget, double asked);
+  /// A precision, and whether it keeps the hard budgets.
+  Selector::Cheapest asked_for(Selector& selector, const Budget& budget,
+                               const Selector::Limits& limits) const;
+  double stand_in(Selector& selector, const Selector::Limits& limits, const Selector::Cheapest& asked);
+  double stand_in_within(Selector& selector, const Selector::Limits& limits, double asked);
   void ask_for(Selector& selector, double asked, const glm::dvec3& eye);
   void add(const Patch& p, const Resolutions& k, Cut& cut) const;
   void admit_wanted(render::Submitted& submitted);

@@ -80,6 +80,10 @@ Cut FamilySession::select(const View& view, const Budget& budget) {
   Cut& cut = cuts[resolution_];
   cut.tau = budget.pixel_error.value_or(cut.predicted_px);
   cut.budget_met = fits(cut, allowed);
+  if (!fits_hard(cuts[0], allowed)) {
+    cut.least_triangles = cuts[0].triangles;
+    cut.least_nodes = cuts[0].visible_nodes;
+  }
   return std::move(cut);
 }
 
