@@ -11,6 +11,7 @@
 
 #include "geometry/fractal.h"
 #include "methods/multigrain/adapt.h"
+#include "methods/multigrain/exact.h"
 #include "methods/multigrain/multigrain.h"
 
 namespace lodlab::multigrain {
@@ -227,13 +228,20 @@ inline std::pair<int64_t, int64_t> coarsest(const Forest& forest, const View& vi
 
 inline void check_hard(const Forest& forest, const Cut& cut, const Budget& budget) {
   const auto [triangles, nodes] = coarsest(forest, cut.view);
-  const bool can = triangles <= budget.triangles.value_or(triangles) && nodes <= budget.nodes.value_or(nodes);
+  bool can = triangles <= budget.triangles.value_or(triangles) && nodes <= budget.nodes.value_or(nodes);
+  if (!can) {  // a split may cost less: children are culled
+    Exact::Limits limits;
+    limits.triangles = budget.triangles.value_or(limits.triangles);
+    limits.nodes = budget.nodes.value_or(limits.nodes);
+    can = Exact(forest, Projection::kStrict, make_camera(cut.view)).least_error(limits).has_value();
+  }
+  CHECK(can == !cut.least_triangles.has_value());
   if (can) {
     CHECK(cut.triangles <= budget.triangles.value_or(cut.triangles));
     CHECK(cut.visible_nodes <= budget.nodes.value_or(cut.visible_nodes));
   } else {
-    CHECK(cut.nodes.size() == forest.roots);
-    CHECK(cut.triangles == triangles);
+    CHECK(cut.triangles == cut.least_triangles);
+    CHECK(cut.visible_nodes == cut.least_nodes);
     CHECK(!cut.budget_met);
   }
 }

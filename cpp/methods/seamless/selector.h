@@ -173,7 +173,8 @@ void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
   here_.assign(1, {root, planes_cutting(root, all_planes_)});
   while (!here_.empty()) {
     parted_.clear();
-    const Level level = level_of(here_.front().patch);  // of all that are here; a copy, which nothing can alter
+    const Level level =
+        level_of(here_.front().patch);  // of all that are here; a copy, which nothing can alter
     const bool last = here_.front().patch.level + 1 == layout_.levels;
     for (const Step& step : here_) {
       if (scope == Scope::kVisible && step.planes == kOutside) continue;
