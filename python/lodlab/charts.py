@@ -197,15 +197,9 @@ def _scale_of_colours(count: int, theme: str) -> list[str]:
     return [to_hex(colormaps["viridis"](at)) for at in np.linspace(low, high, count)]
 
 
-def _is_study(series: list[Series]) -> bool:
-    """Whether some method has several curves."""
-    methods = [item.method for item in series if not item.baseline]
-    return len(methods) > len(set(methods))
-
-
 def _studies(rows: Any) -> list[tuple[str, Any]]:
     """A group's rows as (suffix of its name, rows of one row of panels): methods of one set of options together,
-    each other method by itself, the baseline with all."""
+    without a suffix; each other method, which is studied, by itself; the baseline with all."""
     sets = rows.groupby("method", sort=False)["options"].nunique()
     baseline = rows["method"] == BASELINE
     studied = [method for method, count in sets.items() if count > 1 and method != BASELINE]
@@ -257,18 +251,18 @@ def pareto(result: Any) -> Chart:
     clock = _Clock(frames, summary, statistics.noise_floor(noise))
     measured = summary[summary["measured_px_max_worst"].notna()]
     groups = [
-        (f"{short_source(source)} · {Path(path).stem}{suffix}", part)
+        (f"{short_source(source)} · {Path(path).stem}{suffix}", part, bool(suffix))
         for (source, path), rows in measured.groupby(["source", "path"], sort=False)
         for suffix, part in _studies(rows)
     ]
 
-    panel = STUDY_PANEL if any(_is_study(series_of(rows)) for _, rows in groups) else PANEL
+    panel = STUDY_PANEL if any(study for _, _, study in groups) else PANEL
 
     def draw(figure: Any, theme: str) -> None:
         figure.set_size_inches(7.4, 3.9 * len(groups) + 0.1)
         grid = figure.subplots(len(groups), 2, sharey="row", squeeze=False)
-        for axes, (name, rows) in zip(grid, groups, strict=True):
-            _pareto_row(axes, name, rows, spread, clock, theme, panel)
+        for axes, (name, rows, study) in zip(grid, groups, strict=True):
+            _pareto_row(axes, name, rows, spread, clock, theme, panel, study)
         figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.04)
 
     return Chart(draw, "measured error against frame time and triangles")
@@ -308,12 +302,12 @@ _INTERVAL = ("frame_ms_median_low", "frame_ms_median_high")
 
 
 def _pareto_row(
-    axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str, panel: tuple[float, float]
+    axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str, panel: tuple[float, float],
+    study: bool,
 ) -> None:  # fmt: skip
     ink = INK[theme]
     series = series_of(rows)
     look = dress(series, theme)
-    study = _is_study(series)
     scale = _ErrorScale(rows["measured_px_max_worst"].to_numpy(float))
     columns = (("frame_ms", clock.label), ("triangles", "median triangles per frame"))
     for ax, (column, label) in zip(axes, columns, strict=True):

@@ -100,9 +100,9 @@ def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(out["methods"], list) or not out["methods"]:
         raise InvalidInput("configuration: no methods; give at least one [[methods]] with a name")
     out["methods"] = [_freeze_method(m, common) for m in out["methods"]]
-    out["hashes"] = [_freeze_hash(entry) for entry in out["hashes"]] if isinstance(out["hashes"], list) else None
-    if out["hashes"] is None:
-        raise InvalidInput("configuration: hashes is no list of tables with what, name, value")
+    if not isinstance(out["hashes"], list):
+        raise InvalidInput(f"configuration: hashes is {out['hashes']!r}; it is a list of tables with what, name, value")
+    out["hashes"] = [_freeze_hash(entry) for entry in out["hashes"]]
     return out
 
 
@@ -274,6 +274,8 @@ def _join(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any] | No
 
 # ---- the plan -------------------------------------------------------------------------------------
 
+KEY = ("source", "path", "method", "options", *(f"budget_{name}" for name in BUDGET_LISTS.values()))
+
 
 @dataclass(frozen=True)
 class Task:
@@ -296,22 +298,21 @@ def enter(
     directory: results.RunDirectory,
     config: Mapping[str, Any],
     hashes_of: Callable[[Sequence[Task]], list[dict[str, str]]],
+    called: str = "configuration",
 ) -> tuple[dict[str, Any], list[Task]]:
     """Makes a directory ready for a configuration: what stands in it and what is to be flown as one grid, and its
-    plan. `hashes_of` says what the rows of given runs rest on now. InvalidInput where something contradicts, or has
-    changed under its name; nothing is written then."""
+    plan. `hashes_of` says what the rows of given runs rest on now; `called`: the configuration, in messages.
+    InvalidInput where something contradicts, or has changed under its name; nothing is written then."""
     grown = grow(directory.config, config, directory.path)
     tasks = plan(grown)
     names = names_of(directory.done, tasks)
     done = set(names.values())
     now = hashes_of([*plan(config), *(task for task in tasks if task.flight.name not in done)])
+    check_hashes(called, config["hashes"], now)
     check_hashes(f"run directory {directory.path}", grown["hashes"], now)
     grown["hashes"] = merged(grown["hashes"], now)
     directory.begin(grown, {name for task in tasks for name in (*task.build_options, *task.flight.options)}, names)
     return grown, tasks
-
-
-KEY = ("source", "path", "method", "options", *(f"budget_{name}" for name in BUDGET_LISTS.values()))
 
 
 def names_of(done: Mapping[str, Mapping[str, str]], tasks: Iterable[Task]) -> dict[str, str]:

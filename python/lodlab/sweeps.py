@@ -23,7 +23,6 @@ from .errors import InvalidInput, Unsupported
 from .heightfield import HeightField
 from .identity import (
     KEPT_MB,
-    check_hashes,
     hash_list,
     keep_array,
     keep_file,
@@ -57,12 +56,11 @@ class Workshop:
     """Makes runs, one after the other; keeps the source, its yardstick and its stores between them. `stores`: the
     user's own folder of stores, or None for the run directory's."""
 
-    def __init__(
-        self, folder: Path, sources: Mapping[str, HeightField], progress: bool, stores: Path | None = None
-    ):  # fmt: skip
+    def __init__(self, folder: Path, sources: Mapping[str, HeightField], progress: bool, stores: Path | None = None):
         self.folder = folder
         self.sources = dict(sources)
         self.stores = stores
+        self._shelf = (folder / "stores" if stores is None else stores, stores is not None)  # and: the user's own
         self._progress = progress
         self._name: str | None = None
         self._source: HeightField | None = None
@@ -83,7 +81,7 @@ class Workshop:
 
     def store_of(self, source: HeightField, method: str, options: Mapping[str, Any]) -> Store:
         """A store, built when it is not there."""
-        folder, named = self.stores or self.folder / "stores", self.stores is not None
+        folder, named = self._shelf
         return store_for(source, method, options, folder, progress=self._progress, named=named)
 
     def prepare(self, task: Task) -> Store:
@@ -95,7 +93,7 @@ class Workshop:
         look = look_of(store)
         key = results.options_text(look)
         if key not in self._yardsticks:
-            folder, named = self.stores or self.folder / "stores", self.stores is not None
+            folder, named = self._shelf
             self._yardsticks[key] = Yardstick(store.source, folder, self._progress, look, metrics, named)
         return self._yardsticks[key]
 
@@ -132,7 +130,7 @@ _workshop: Workshop | None = None
 
 def _worker_start(
     folder: str, sources: Mapping[str, HeightField], stores: Path | None, device: str, threads: int
-) -> None:  # fmt: skip
+) -> None:
     """In a spawned process: leave Ctrl-C to the parent, and end with it."""
     global _workshop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -186,7 +184,7 @@ def _side_by_side(
             workshop.stores,
             device,
             max(1, _core.thread_count() // jobs),
-        ),  # fmt: skip
+        ),
     )
     try:
         futures = {pool.submit(_worker_make, task): task for task in tasks}
@@ -306,10 +304,8 @@ def sweep(
         workshop = Workshop(directory.path, given, progress, None if stores is None else Path(stores))
         frozen = _take_in(frozen, directory, workshop, paths or {}, beside)
         _check_tasks(plan(frozen), workshop)
-        check_hashes(
-            f"configuration{f' {config}' if beside else ''}", frozen["hashes"], _hashes(plan(frozen), workshop)
-        )
-        grown, tasks = enter(directory, frozen, lambda made: _hashes(made, workshop))
+        called = f"configuration{f' {config}' if beside else ''}"
+        grown, tasks = enter(directory, frozen, lambda made: _hashes(made, workshop), called)
         for text in frozen["sources"]:
             keep_array(directory.path, text, workshop.source(text), keep_mb)
         _make_all(tasks, directory, workshop, jobs, grown, progress)
