@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The chunk tree against its source, without GL: every stored mesh, as its own surface and as its parent's,
 // is rasterized at the samples and held against the stored bounds; skirts against all that they must hide.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 #include <unistd.h>
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Fillers that hang from the surface are in order; those that stand on it are counted. Triangles by hand.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include "instrument/fillers.h"

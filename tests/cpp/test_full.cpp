@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // `full`: the drawn triangles are the source, bit for bit: flat, wide, round the planet and over its poles.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 #include <unistd.h>
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Devices, the one context and its thread, shader errors, buffers. Everything ends without a GL error.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 #include <epoxy/gl.h>
 #include <sys/wait.h>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The instrument against surfaces made by hand, whose errors are known on paper. No GL.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <limits>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The cheapest cut of a tree, against all cuts of random ones, under limits of triangles, of nodes, of both.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "method/least_cut.h"
 
 #include <doctest/doctest.h>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Mesh against mesh, on shapes whose distances are known on paper, and against brute force. No GL.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Adaptation without GL: hard budgets, targets, ends, fixed cuts, and the heap.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <set>

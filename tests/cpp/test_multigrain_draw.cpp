@@ -2,7 +2,6 @@
 // multigrain as the GPU draws it: random cuts of odd-sized fields and of planets close bit for bit, cover
 // every sample, face outwards and keep their bounds; the finest cut is `full`'s picture; cuts by hand and
 // audit cuts.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>

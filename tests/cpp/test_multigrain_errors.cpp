@@ -2,7 +2,6 @@
 // multigrain's bounds against its own triangles, without GL: random cuts are stitched vertex by vertex as the
 // GPU does it, every triangle is compared with all samples in double, and nothing may exceed the bound of its
 // node.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The optimum of a forest against all of its cuts, one by one, and against the queues.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <map>

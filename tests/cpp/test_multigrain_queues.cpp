@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // How good the queues' cuts are, how steady and how fast: against plain greedy cuts, and against the optimum
 // for nodes without limit, which is a lower bound for any number of them.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <ctime>

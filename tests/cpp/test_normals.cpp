@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Normals of surfaces whose normals are known on paper, and what 8 bits cost them.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "geometry/normals.h"
 
 #include <doctest/doctest.h>

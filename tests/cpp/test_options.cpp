@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Option tables, the registry, budgets, and what build_store checks around a method's own build. The methods
 // here are toys: this file defines the registry's list itself.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "base/options.h"
 
 #include <doctest/doctest.h>

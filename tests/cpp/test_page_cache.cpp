@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The page cache: most important first, never above its budget, errors come out where a frame asks.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "store/page_cache.h"
 
 #include <doctest/doctest.h>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Residency: parents of resident units are resident, nothing overlaps, the budget holds, what a frame uses
 // stays.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "method/residency.h"
 
 #include <doctest/doctest.h>

@@ -2,7 +2,6 @@
 // Claim 1 of Livny, Kogan, El-Sana: two patches agree on the edge that they share without asking one another.
 // Here: two neighbours of one size of which one splits and the other does not, for millions of eyes; who the
 // proof leaves out is kept as a named case.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <random>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // seamless as the GPU draws it: the captured triangles are those of the meshes with the heights of the store,
 // bit for bit, none of them without an area; strips and tiles are told apart by what `parts` says.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>

@@ -2,7 +2,6 @@
 // seamless's bounds against its own triangles, without GL: every patch at all resolutions of its edges is
 // compared with all samples in double, and no tile or strip may exceed the bound of its edge. And the rules
 // that bounds and weights keep, read back from the two bytes of an edge.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>

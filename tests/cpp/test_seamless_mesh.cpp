@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The pieces of patches: whatever the resolutions of the four edges, and wherever the field ends in a patch,
 // they cover it exactly once, counter-clockwise, and its edges have the segments of their resolutions.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <map>

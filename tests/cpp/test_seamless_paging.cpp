@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // seamless while it loads: windows of families round the eye, of which an L enters when the eye moves;
 // budgets of memory and of uploads that hold; cuts of what is there, without a crack.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <set>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // seamless: the patches of a store cover the field, and their pages hold its heights, whatever its size and
 // whether it is in memory or read by rows.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include "base/errors.h"

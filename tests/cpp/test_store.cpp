@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The .lod file: what is written reads back, whatever order, threads or resumption; what is damaged, on its
 // way or of another kind is refused with a StoreError that says which.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include "store/store.h"
 
 #include <doctest/doctest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Views, and what is drawn through them: places and depths of a known triangle, depth precision, capture,
 // replay, coverage, planets. Everything ends without a GL error.
-#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
 #include <algorithm>
