@@ -125,6 +125,26 @@ def test_a_least_that_is_not_the_least_is_seen(tmp_path: Path, monkeypatch: pyte
     assert "least" in laws(PLAIN, tmp_path)
 
 
+def test_nothing_in_view_needs_nothing(tmp_path: Path) -> None:
+    """A budget of one node is then kept by one that need not be there."""
+    beside = VIEW | {"kind": "sample", "to": [0.2, 0.7], "way": [0.58, 1.22, 2.12], "near": 1.0}
+    budget = {"triangles": ["share", 0.2], "nodes": ["share", 0.6]}
+    source = HILLS | {"rows": 2, "cols": 9, "shape": "flat", "spacing": [1.0, 1.0]}
+    frame = {"view": beside, "budget": budget}
+    assert laws(Trial("chunked", "frames", source, {"leaf": 4}, frames=[frame]), tmp_path) == set()
+
+
+def test_a_budget_may_wait_for_what_is_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only while it is missing: inside the ground the children that are out of sight cost less than the root."""
+    inside = VIEW | {"kind": "through", "to": [0.37, 0.16], "way": [0.418, 0.605, -0.478], "fov": 1.0}
+    source = HILLS | {"rows": 128, "cols": 2, "spacing": [1.0, 1.0]}
+    frame = {"view": inside, "budget": {"triangles": ["share", 0.25]}}
+    waits = Trial("chunked", "stream", source, draw={"stream": True}, frames=[frame])
+    assert laws(waits, tmp_path) == set()
+    monkeypatch.setattr(lod.Cut, "missing_nodes", 0)
+    assert "hard" in laws(waits, tmp_path)
+
+
 def test_what_an_option_gives_up_is_seen_or_by_nature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cracked = dataclasses.replace(DEEP, kind="cuts", draw={"cracks": "none"}, frames=4 * frames({}))
     monkeypatch.setattr(search, "_natures", list)

@@ -213,17 +213,25 @@ class _Player:
         said = f"{cost}, predicted {claim:.6g} px, budget met: {cut.budget_met}"
         self.note("openly", cut.budget_met == (within and claim <= target), said)
         self.seen.setdefault(view, []).append((cut.triangles, cut.visible_nodes))
-        least = {kind: self.spent(view, kind, 1) for kind in hard}
+        # A budget of 1 that is kept does not say whether nothing at all would do: then the least is below it.
+        least = {kind: amount if (amount := self.spent(view, kind, 1)) > 1 else 0 for kind in hard}
         for kind, amount in least.items():
             self.note("least", cost[kind] >= amount, f"{said}; said to need {amount} {kind}")
-        if len(hard) == 1 and not within:
-            ((kind, limit),) = hard.items()
+        streams = self.trial.kind == "stream"
+        # What would keep a budget may not have come yet: then it is said to be missing.
+        over = {} if within or (streams and cut.missing_nodes > 0) else hard
+        if len(over) == 1:
+            ((kind, limit),) = over.items()
             self.note("hard", least[kind] > limit, f"{said}; the least is {least[kind]} {kind}")
             self.note("openly", cost[kind] <= least[kind], f"{said}; over, and not the least, {least[kind]}")
-        elif hard and not within:
+        elif over:
             other = [c for c in self.seen[view] if all(c[i] <= hard[k] for i, k in enumerate(cost))]
             self.note("hard", not other, f"{said}; another cut of this view costs {other}")
-        if not hard and claim > target and not self.trial.draw and self.trial.kind != "stream":
+        if hard and not streams:
+            told = None if within else (cut.triangles, cut.visible_nodes)
+            claimed = None if cut.least_triangles is None else (cut.least_triangles, cut.least_nodes)
+            self.note("openly", claimed == told, f"{said}; the least is said to be {claimed}")
+        if not hard and claim > target and not self.trial.draw and not streams:
             finest = self.session.select(view, _core.Budget(pixel_error=1e-300))
             best = finest.predicted_px
             self.note("openly", claim <= best * (1.0 + 1e-9), f"{said}; the finest cut has {best:.6g} px")
@@ -284,8 +292,12 @@ class _Player:
                     break
             self.note("settles", len(set(states[-5:])) == 1, f"still moving after {len(states)} frames")
             cut = Cut(flying.core.time_frame(view, budget)[0], flying)
+            self.where = f"at rest, {view}, {values}: "
+            self.check_budget(view, values, cut)
             self.check_cut(cut, view)
         roomy = self.options.get("gpu_cache_mb", 1024) >= 1024 and self.options.get("cpu_cache_mb", 1024) >= 24
+        if self.trial.kind == "stream" and roomy:
+            self.note("settles", cut.missing_nodes == 0, f"{cut.missing_nodes} nodes never come")
         if alone and roomy and not set(self.trial.draw) - set(PAGING):
             self.session.reset()
             fresh = self.session.select(view, _core.Budget(**values))
