@@ -190,6 +190,14 @@ def test_a_patch_of_a_planet_has_no_gap_along_its_border_at_any_budget(degrees, 
         assert row["triangles"] <= budget.get("triangles", np.inf)
 
 
+def test_by_a_pole_no_bound_is_more_than_the_relief(tmp_path) -> None:
+    """Half a millimetre from column to column, and cliffs of 100 m between them: triangles as steep as rays."""
+    heights = 100.0 * np.add.outer(np.arange(2), np.arange(9)).astype(np.float32)
+    field = lod.HeightField(heights, planet=True, degrees=(0.0, 90.0, 1.2e-3, 2.3e-4))
+    store = lod.build(field, "multigrain", tmp_path / "pole.lod", progress=False)
+    assert store.nodes["error"].max() < 900.1
+
+
 def test_vertical_projection_on_a_planet_is_refused_since_up_is_not_z(earth) -> None:
     _, store = earth
     with pytest.raises(lod.errors.Unsupported, match="projection = vertical .* flat fields only"):

@@ -40,7 +40,9 @@ using Snaps = std::array<int, 4>;
 /// triangle's edges, and along the normal of the triangle's plane.
 struct Row {
   double x[4], y[4], z[4];
-  double volume;  ///< normal times corner: the ray meets the plane at volume / along
+  double volume;           ///< normal times corner: the ray meets the plane at volume / along
+  double moved;            ///< by how much more, as it is drawn
+  double lowest, highest;  ///< radii between which the triangle is drawn
 
   void set(int i, const glm::dvec3& v, const glm::dvec2& lat, double slack) {
     x[i] = lat.x * v.x;
@@ -49,7 +51,8 @@ struct Row {
   }
 };
 
-/// Largest distance between the plane and those of `count` samples whose rays meet the triangle.
+/// Largest distance between the triangle, as it is drawn, and those of `count` samples whose rays meet it.
+/// Where it is as steep as the rays its plane says nothing, and its corners' radii do.
 inline double row_error(const Row& row, const double* c, const double* s, const double* radii, int count) {
   double worst = 0.0;
 #pragma omp simd reduction(max : worst)
@@ -60,7 +63,10 @@ inline double row_error(const Row& row, const double* c, const double* s, const 
     const double along = row.x[3] * c[i] + row.y[3] * s[i] + row.z[3];
     double least = w0 < w1 ? w0 : w1;
     least = least < w2 ? least : w2;
-    const double error = std::fabs(row.volume / along - radii[i]);
+    const double plane = std::fabs(row.volume / along - radii[i]) + row.moved;
+    const double above = row.highest - radii[i], below = radii[i] - row.lowest;
+    const double farthest = above > below ? above : below;
+    const double error = plane < farthest ? plane : farthest;
     const double counted = least >= 0.0 ? error : 0.0;
     worst = counted > worst ? counted : worst;
   }
@@ -268,7 +274,11 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
                                sign * glm::cross(p[0], u)};
   const auto [nearest, farthest] = std::minmax({radius(corners[0]), radius(corners[1]), radius(corners[2])});
-  const double lattice = moved_by_lattice(u, v, glm::length(normal), volume / farthest);
+  double chord = 0.0;  // squared, between directions of corners
+  for (size_t i = 0; i < 3; ++i) {
+    const glm::dvec3 d = direction(corners[i]) - direction(corners[(i + 1) % 3]);
+    chord = std::max(chord, glm::dot(d, d));
+  }
   double slack[3];
   for (int i = 0; i < 3; ++i)
     slack[i] = (kOnEdge + 2.0 * lattice_error_ / nearest) *
@@ -288,13 +298,16 @@ void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, doub
   const auto skip = static_cast<size_t>(left);
   Row line{};
   line.volume = volume;
+  line.moved = moved_by_lattice(u, v, glm::length(normal), volume / farthest);
+  // A mean of unit vectors, no two farther apart than a chord, is at least sqrt(1 - chord^2 / 3) long.
+  line.lowest = nearest * std::sqrt(std::max(1.0 - chord / 3.0, 0.0)) - lattice_error_;
+  line.highest = farthest + lattice_error_;
   for (int row = first; row <= last; ++row) {
     const auto r = static_cast<size_t>(above_ + row);
     for (int i = 0; i < 3; ++i) line.set(i, edges[i], lat_[r], slack[i]);
     line.set(3, normal, lat_[r], 0.0);
-    const double error = row_error(line, cosine_.data() + skip, sine_.data() + skip,
-                                   radius_.data() + r * cosine_.size() + skip, right - left + 1);
-    worst = std::max(worst, error + lattice);
+    worst = std::max(worst, row_error(line, cosine_.data() + skip, sine_.data() + skip,
+                                      radius_.data() + r * cosine_.size() + skip, right - left + 1));
   }
 }
 
