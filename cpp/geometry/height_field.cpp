@@ -10,6 +10,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <mutex>
 #include <string_view>
 #include <system_error>
@@ -180,6 +181,13 @@ glm::dvec3 FieldFrame::direction(int64_t row, int64_t col) const {
   const glm::dvec2 lat = cos_sin_degrees(latitude(row));
   const glm::dvec2 lon = cos_sin_degrees(longitude(col));
   return {lat.x * lon.x + 0.0, lat.x * lon.y + 0.0, lat.y};
+}
+
+/// A planet smaller than 1e-26 has fewer steps: shaders may not know floats below the least normal one.
+double FieldFrame::position_step() const {
+  if (!planet) return 0.0;
+  return std::max(std::ldexp(1.0, std::ilogb(radius + z_max) + 1 - kPositionBits),
+                  static_cast<double>(std::numeric_limits<float>::min()));
 }
 
 glm::dvec3 FieldFrame::position(int64_t row, int64_t col, double height) const {

@@ -15,6 +15,8 @@
 
 namespace lodlab {
 
+inline constexpr int kPositionBits = 40;  ///< of a planet's positions: FieldFrame::position_step()
+
 /// Where a field lies: everything but its heights. Stored in every store of a height field.
 struct FieldFrame {
   int64_t rows = 0, cols = 0;
@@ -32,6 +34,10 @@ struct FieldFrame {
   double latitude(int64_t row) const;
   /// Unit direction of a planet's sample from the centre; all columns of a pole's row give one direction.
   glm::dvec3 direction(int64_t row, int64_t col) const;
+  /// The finest step, source units, that a planet's positions need: the least power of two with which all
+  /// samples lie within 2^40 steps of the centre, 8 micrometres on the Earth. A method may keep them on a
+  /// lattice of it, and the instrument's slack counts it. Of a flat field 0.
+  double position_step() const;
   /// World position of a sample with this height.
   glm::dvec3 position(int64_t row, int64_t col, double height) const;
 };

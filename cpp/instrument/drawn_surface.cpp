@@ -68,7 +68,7 @@ DrawnSurface::DrawnSurface(const HeightField& field, const SampleGrid& grid, con
   if (worst_of_triangle != nullptr) worst_of_triangle->assign(captured.vertices.size() / 3, -1.0f);
   const SurfaceWriter writer(field, grid, keys_);
   if (field.planet) {
-    rasterize(PlanetRasterizer(grid, captured.eye), captured, writer, worst_of_triangle);
+    rasterize(PlanetRasterizer(field, grid, captured.eye), captured, writer, worst_of_triangle);
     for (const int64_t row : {int64_t{0}, field.rows - 1}) {
       if (grid.is_pole(row))
         std::fill_n(keys_.begin() + row * field.cols, field.cols, keys_[row * field.cols]);

@@ -33,6 +33,73 @@ Edge make_edge(const glm::dvec3& from, const glm::dvec3& to, double slack, doubl
 
 }  // namespace
 
+/// Beside a pole columns lie closer than twice the slack, from the sample to a place that is drawn within it
+/// of where it belongs: their heights are not told apart. Windows double until they hold all of those
+/// columns.
+PlanetRasterizer::PlanetRasterizer(const HeightField& field, const SampleGrid& grid, const glm::dvec3& eye)
+    : field_(field), grid_(grid), eye_(eye), together_(static_cast<size_t>(field.rows)) {
+  for (int64_t row = 0; row < field.rows; ++row) {
+    const glm::dvec3 up = grid.up(row, 0);
+    const double across = std::hypot(up.x, up.y);  // of the row's circle, of radius 1
+    double slack = 0.0;                            // of places on that circle, at most
+    for (const double radius : {field.radius + field.z_min, field.radius + field.z_max}) {
+      const double distance = glm::distance(radius * up, eye) + 2.0 * radius * across;
+      slack = std::max(slack,
+                       2.0 * vertex_slack(field, {distance, 0.0, 0.0}, eye) / (field.radius + field.z_min));
+    }
+    const double column = across * field.dlon * kRadiansPerDegree;
+    if (grid.is_pole(row) || column > slack) continue;
+    std::vector<Heights>& heights = together_[static_cast<size_t>(row)];
+    for (int64_t col = 0; col < field.cols; ++col)
+      heights.push_back({field.at(row, col), field.at(row, col)});
+    for (int64_t step = 1, reach = 0; reach < field.cols && static_cast<double>(reach) * column < slack;
+         reach += step, step *= 2) {
+      const std::vector<Heights> before = heights;
+      for (int64_t col = 0; col < field.cols; ++col) {
+        for (const int64_t other : {col - step, col + step}) {
+          if (!field.wraps && (other < 0 || other >= field.cols)) continue;
+          const Heights& more = before[static_cast<size_t>((other % field.cols + field.cols) % field.cols)];
+          Heights& out = heights[static_cast<size_t>(col)];
+          out = {std::min(out.low, more.low), std::max(out.high, more.high)};
+        }
+      }
+    }
+  }
+}
+
+PlanetRasterizer::Heights PlanetRasterizer::source(int64_t row, int64_t col) const {
+  const std::vector<Heights>& together = together_[static_cast<size_t>(row)];
+  if (!together.empty()) return together[static_cast<size_t>(col)];
+  const auto height = static_cast<float>(grid_.height(field_, row, col));
+  return {height, height};
+}
+
+/// Where rays meet the plane of a triangle.
+struct PlanetRasterizer::Plane {
+  glm::dvec3 normal;
+  double volume;  ///< normal times corner, not negative
+  double least;   ///< no point of the triangle is nearer to the centre
+  double most;    ///< or farther
+
+  Plane(const Corner (&c)[3], const glm::dvec3& at, const glm::dvec3& to_b, const glm::dvec3& to_d,
+        double longest)
+      : normal(glm::cross(to_b, to_d)),
+        volume(glm::dot(normal, at)),
+        least(std::min({c[0].radius, c[1].radius, c[2].radius}) * (1.0 - 0.5 * longest)),
+        most(std::max({c[0].radius, c[1].radius, c[2].radius})) {
+    if (volume < 0.0) {
+      normal = -normal;
+      volume = -volume;
+    }
+  }
+  /// The smallest and largest distance to the centre within an angle of a ray.
+  glm::dvec2 within(const glm::dvec3& ray, double angle) const {
+    const double along = glm::dot(normal, ray), turned = glm::length(glm::cross(normal, ray)) * angle;
+    return {std::max(least, volume / (along + turned)),
+            along > turned ? std::min(most, volume / (along - turned)) : most};
+  }
+};
+
 PlanetRasterizer::Corner PlanetRasterizer::corner(const render::CapturedVertex& v) const {
   const FieldFrame& frame = grid_.frame();
   const glm::dvec3 relative(v.x, v.y, v.z), at = eye_ + relative;
@@ -69,7 +136,8 @@ PlanetRasterizer::Corner PlanetRasterizer::corner(const render::CapturedVertex& 
 
 /// The weights of the point of the triangle's border that is nearest to a ray outside: a height within the
 /// triangle, never an extrapolation, and not far along an edge where the triangle is thinner than the slack.
-void PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray, double (&w)[3]) {
+/// Returns how far it is, radians.
+double PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray, double (&w)[3]) {
   double least = std::numeric_limits<double>::infinity();
   double weights[3] = {w[0], w[1], w[2]};
   for (int from = 0; from < 3; ++from) {
@@ -87,6 +155,7 @@ void PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray, d
     weights[3 - from - to] = 0.0;
   }
   std::copy(weights, weights + 3, w);
+  return std::isfinite(least) ? std::sqrt(least) : 0.0;
 }
 
 PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
@@ -176,6 +245,7 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
   const glm::dvec3 at = c[0].radius * c[0].up;
   const glm::dvec3 to_b = c[1].radius * c[1].up - at, to_d = c[2].radius * c[2].up - at;
   const double across[3] = {c[1].radius * c[2].radius, c[2].radius * c[0].radius, c[0].radius * c[1].radius};
+  const Plane plane(c, at, to_b, to_d, longest);
   const Range where = range(c);
   for (int64_t row = where.row_lo; row <= where.row_hi; ++row) {
     const bool pole = grid_.is_pole(row);  // one place: DrawnSurface copies column 0 to the others
@@ -191,11 +261,19 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
         off = off || w[e] < 0.0;
       }
       if (!inside || !(w[0] + w[1] + w[2] > 0.0)) continue;  // negative on the far side of the planet
-      if (off) to_nearest(c, ray, w);
+      const double gap = off ? to_nearest(c, ray, w) : 0.0;
       for (int e = 0; e < 3; ++e) w[e] *= across[e];
       const double sum = w[0] + w[1] + w[2];
       const double height = glm::length(at + (w[1] * to_b + w[2] * to_d) / sum) - frame.radius;
-      out.put(row, col, height);
+      if (slack == 0.0) {
+        out.put(row, col, height);
+      } else if (gap <= slack + kOnEdge) {
+        const glm::dvec2 drawn = plane.within(ray, slack) - frame.radius;
+        const Heights source = this->source(row, col);
+        out.put_deviation(row, col,
+                          std::max(0.0, std::min(drawn.x, height) - source.high) +
+                              std::min(0.0, std::max(drawn.y, height) - source.low));
+      }
     }
   }
 }

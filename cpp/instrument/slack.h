@@ -2,7 +2,8 @@
 // The only slack that any law of the instrument is allowed, from how positions are rounded
 // (shaders/common/position.glsl): on a flat field whole cells less the eye's part of a cell, times the
 // spacing; three roundings of half a step each (2^-24), of the spacing, the product and the difference of
-// heights, and one of the eye's part, half a step of a cell. On a planet a double, cast to float.
+// heights, and one of the eye's part, half a step of a cell. On a planet a double, cast to float, of a place
+// that may be kept on a lattice (FieldFrame::position_step()), which is half its diagonal off.
 // Four float steps hold both, and 1e-15 of the lengths that doubles were made of. In pixels a hundredth.
 // crack_edges compares bit for bit, but for what lies on the border.
 #pragma once
@@ -34,7 +35,8 @@ inline constexpr double kDoubleSlack = 1e-15;  ///< of the lengths that doubles 
 /// The same for a vertex of a field, `relative` to the eye, the doubles that lead to it counted.
 inline double vertex_slack(const FieldFrame& frame, const glm::dvec3& relative, const glm::dvec3& eye) {
   const double distance = glm::length(relative);
-  if (frame.planet) return world_slack(distance) + kDoubleSlack * (2.0 * glm::length(eye) + distance);
+  if (frame.planet)
+    return world_slack(distance) + frame.position_step() + kDoubleSlack * (2.0 * glm::length(eye) + distance);
   const double made_of = glm::length(eye - glm::dvec3(frame.x0, frame.y0, 0.0)) + distance;
   return world_slack(std::max({distance, frame.dx, frame.dy})) + kDoubleSlack * made_of;
 }

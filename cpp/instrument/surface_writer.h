@@ -19,8 +19,11 @@ class SurfaceWriter {
   float worst() const { return worst_; }
 
   void put(int64_t row, int64_t col, double drawn_height) {
+    put_deviation(row, col, drawn_height - grid_.height(field_, row, col));
+  }
+  void put_deviation(int64_t row, int64_t col, double drawn_minus_source) {
     const size_t sample = static_cast<size_t>(row * field_.cols + col);
-    const float deviation = static_cast<float>(drawn_height - grid_.height(field_, row, col));
+    const float deviation = static_cast<float>(drawn_minus_source);
     const uint32_t key = DrawnSurface::encode(deviation);
     const std::atomic_ref<uint32_t> slot(keys_[sample]);
     uint32_t seen = slot.load(std::memory_order_relaxed);
@@ -60,10 +63,12 @@ class FlatRasterizer {
   double cells_x_, cells_y_;
 };
 
-/// Rasterizes one triangle of a planet: samples' rays from the centre against it.
+/// Rasterizes one triangle of a planet: samples' rays from the centre against it. Where a corner is at no
+/// sample for sure, what is drawn may lie the slack away: there a sample deviates by what no place within the
+/// slack explains.
 class PlanetRasterizer {
  public:
-  PlanetRasterizer(const SampleGrid& grid, const glm::dvec3& eye) : grid_(grid), eye_(eye) {}
+  PlanetRasterizer(const HeightField& field, const SampleGrid& grid, const glm::dvec3& eye);
   void draw(TriangleVertices vertices, SurfaceWriter& out) const;
 
  private:
@@ -77,12 +82,20 @@ class PlanetRasterizer {
   struct Range {
     int64_t row_lo, row_hi, col_lo, col_hi;  ///< columns of a planet that wraps may lie outside [0, cols)
   };
+  struct Heights {
+    float low, high;
+  };
+  struct Plane;
   Corner corner(const render::CapturedVertex& vertex) const;
   Range range(const Corner (&corners)[3]) const;
-  static void to_nearest(const Corner (&corners)[3], const glm::dvec3& ray, double (&weights)[3]);
+  /// Of the source, within the slack of a sample along its row.
+  Heights source(int64_t row, int64_t col) const;
+  static double to_nearest(const Corner (&corners)[3], const glm::dvec3& ray, double (&weights)[3]);
 
+  const HeightField& field_;
   const SampleGrid& grid_;
   glm::dvec3 eye_;
+  std::vector<std::vector<Heights>> together_;  ///< by row; none where columns lie apart
 };
 
 }  // namespace lodlab::instrument

@@ -92,3 +92,31 @@ def test_no_column_by_a_pole_is_lost_where_rounding_joins_it_with_another(step: 
         found, view = ground.examine(eye, middle)
         assert (found.hole_samples, found.inverted_triangles, found.crack_edges) == (0, 0, 0)
         assert found.measured_max <= 2.0 * ground.instrument.slack(view)
+
+
+def together(heights: np.ndarray) -> lod.HeightField:
+    """A patch at the south pole of a small body: columns micrometres apart, rows 8 mm."""
+    return lod.HeightField(heights, planet=True, radius=500.0, degrees=(170.0, -89.946, 0.00069, 0.0009))
+
+
+def test_no_slope_along_columns_that_fall_together_is_taken_for_error(tmp_path: Path) -> None:
+    """Heights of 100 m within the slack: `full` was off by up to 17 m, and bounds of methods were broken."""
+    heights = 5.0 * np.random.default_rng(3).normal(size=(61, 35)).cumsum(axis=1)
+    ground = Ground(together(heights), tmp_path)
+    for away in (1e-3, 1.5, 70.0):
+        at = ground.sample(40, 20)
+        found, view = ground.examine(at * (1.0 + away / np.linalg.norm(at)), at)
+        assert (found.hole_samples, found.crack_edges, found.inverted_triangles) == (0, 0, 0)
+        assert found.measured_max <= ground.instrument.slack(view)
+
+
+def test_an_error_is_seen_where_columns_fall_together(tmp_path: Path) -> None:
+    heights = np.tile(np.random.default_rng(3).normal(size=(61, 1)), 35)
+    raised = heights.copy()
+    raised[50] += 0.25
+    ground = Ground(together(heights), tmp_path)
+    session = lod.build(together(raised), "full", tmp_path / "raised.lod", progress=False).core.session({})
+    at = ground.sample(40, 20)
+    view = _core.View(tuple(1.1 * at), tuple(at), size=(64, 48))
+    found = ground.instrument.examine_parts([(session, session.select(view, PX1))], view, pictures=False)
+    assert abs(found.measured_max - 0.25) < 0.01

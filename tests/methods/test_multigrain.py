@@ -198,6 +198,19 @@ def test_by_a_pole_no_bound_is_more_than_the_relief(tmp_path) -> None:
     assert store.nodes["error"].max() < 900.1
 
 
+@pytest.mark.parametrize("radius", [500.0, 6371000.0])
+def test_an_eye_on_a_sample_of_a_patch_finds_no_crack_of_the_lattice(radius: float, tmp_path) -> None:
+    """There floats are finer than the lattice of positions, which the slack of the instrument counts as well."""
+    field = lod.HeightField(np.zeros((3, 4)), planet=True, radius=radius, degrees=(-24.26, -24.53, 2.2, 1.9))
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False)
+    instrument, session = _core.Instrument(field.core, None), store.core.session({})
+    for row, col in ((0, 0), (0, 2), (1, 3), (2, 1)):
+        eye = field.core.position(np.array([row]), np.array([col]))[0]
+        view = _core.View(tuple(eye), tuple(1.1 * eye + 0.01 * radius), size=(64, 48))
+        found = instrument.examine(session, session.select(view, _core.Budget(pixel_error=1.0)), view, pictures=False)
+        assert (found.hole_samples, found.crack_edges) == (0, 0)
+
+
 def test_vertical_projection_on_a_planet_is_refused_since_up_is_not_z(earth) -> None:
     _, store = earth
     with pytest.raises(lod.errors.Unsupported, match="projection = vertical .* flat fields only"):

@@ -1,23 +1,17 @@
 // SPDX-License-Identifier: MIT
 #include "methods/multigrain/lattice.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace lodlab::multigrain {
 namespace {
 
-constexpr int kBits = 40, kLowBits = 10;
-constexpr double kMostCell = (1 << (kBits - kLowBits)) - 1;
+constexpr int kLowBits = 10;
+constexpr double kMostCell = (1 << (kPositionBits - kLowBits)) - 1;
 
 }  // namespace
 
-/// A planet smaller than 1e-26 has fewer steps: shaders may not know floats below the least normal one.
-Lattice::Lattice(const FieldFrame& planet)
-    : frame_(planet),
-      quantum_(std::max(std::ldexp(1.0, std::ilogb(planet.radius + planet.z_max) + 1 - kBits),
-                        static_cast<double>(std::numeric_limits<float>::min()))) {}
+Lattice::Lattice(const FieldFrame& planet) : frame_(planet), quantum_(planet.position_step()) {}
 
 Lattice::Position Lattice::round(const glm::dvec3& position) const {
   Position out(0);

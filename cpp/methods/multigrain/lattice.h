@@ -17,7 +17,7 @@ class Lattice {
  public:
   explicit Lattice(const FieldFrame& planet);
 
-  /// The step, source units: the least power of two with which all samples lie within 2^40 steps.
+  /// The step, source units: FieldFrame::position_step().
   double quantum() const { return quantum_; }
   /// A cell: 2^10 steps.
   double cell() const { return 1024.0 * quantum_; }
