@@ -181,13 +181,17 @@ std::vector<Edge> edges_of(const render::Captured& captured, const std::vector<u
   return out;
 }
 
+glm::dvec3 relative(const Vertex& v) {
+  return {std::bit_cast<float>(v[0]), std::bit_cast<float>(v[1]), std::bit_cast<float>(v[2])};
+}
+
 bool on_border(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) {
-  const auto borders = [&](const Vertex& v) {
-    const glm::dvec3 relative(std::bit_cast<float>(v[0]), std::bit_cast<float>(v[1]),
-                              std::bit_cast<float>(v[2]));
-    return grid.borders(relative, eye);
-  };
-  return (borders(edge.low) & borders(edge.high)) != 0;
+  return (grid.borders(relative(edge.low), eye) & grid.borders(relative(edge.high), eye)) != 0;
+}
+
+bool columns_fall_together(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) {
+  return grid.columns_fall_together(relative(edge.low), eye) ||
+         grid.columns_fall_together(relative(edge.high), eye);
 }
 
 }  // namespace
@@ -205,7 +209,8 @@ int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured) {
       ++(edges[next].forward ? forward : backward);
     }
     const int64_t wrong = (backward != 1 ? forward : 0) + (forward != 1 ? backward : 0);
-    if (wrong > 0 && !on_border(grid, edges[i], captured.eye)) cracks += wrong;
+    const bool folded = forward == backward && columns_fall_together(grid, edges[i], captured.eye);
+    if (wrong > 0 && !folded && !on_border(grid, edges[i], captured.eye)) cracks += wrong;
     i = next;
   }
   return cracks;

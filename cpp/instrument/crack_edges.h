@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Cracks in the captured surface triangles, fillers left out. Triangles with two bit-equal vertices are
 // dropped; then every directed edge (a, b) must have exactly one (b, a), bit for bit (-0 equals 0),
-// but for the source's own boundary. No slack: a vertex that differs in its last bit is a crack.
+// but for the source's own boundary. No slack: a vertex that differs in its last bit is a crack. Where floats
+// do not part the columns of a planet, two that fall together fold what is between: there as many opposites
+// do.
 #pragma once
 
 #include <cstdint>

@@ -57,4 +57,10 @@ int SampleGrid::borders(const glm::dvec3& relative, const glm::dvec3& eye) const
   return bits;
 }
 
+bool SampleGrid::columns_fall_together(const glm::dvec3& relative, const glm::dvec3& eye) const {
+  const glm::dvec3 p = eye + relative;
+  return frame_.planet &&
+         std::hypot(p.x, p.y) * frame_.dlon * kRadiansPerDegree < vertex_slack(frame_, relative, eye);
+}
+
 }  // namespace lodlab::instrument

@@ -46,6 +46,10 @@ class SampleGrid {
   /// border, and a pole is none.
   int borders(const glm::dvec3& relative, const glm::dvec3& eye) const;
 
+  /// Whether floats may not part the columns of a planet at a drawn position: they lie within its slack of
+  /// one another.
+  bool columns_fall_together(const glm::dvec3& relative, const glm::dvec3& eye) const;
+
  private:
   FieldFrame frame_;
   std::vector<glm::dvec2> latitude_, longitude_;  ///< cosine, sine
