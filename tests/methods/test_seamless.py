@@ -278,3 +278,14 @@ def test_a_cold_session_keeps_hard_budgets_while_much_is_missing(tmp_path, budge
         cut, row = session.time_frame(view, _core.Budget(**budget))
         assert row["triangles"] <= budget.get("triangles", np.inf) and row["nodes"] <= budget.get("nodes", np.inf)
         session.cut(cut.nodes["node"].astype(np.int64), cut.nodes["resolution"].astype(np.int32))
+
+
+def test_the_papers_metric_right_above_an_edge_refines_and_knows_its_coarsest_cut(tmp_path) -> None:
+    """At no distance every fineness above 0 splits what can be split, 0 itself nothing."""
+    heights = (np.add.outer(np.arange(58), np.arange(2)) % 2).astype(np.float32)
+    store = lod.build(lod.HeightField(heights), "seamless", tmp_path / "edge.lod", progress=False)
+    view = _core.View((0.0, -28.0, -13.0), (0.0, -57.0, 1.0), size=(96, 64))
+    session = store.core.session({"metric": "distance"})
+    coarsest = session.select(view, _core.Budget(triangles=1))
+    assert (coarsest.least_triangles, coarsest.least_nodes) == (coarsest.triangles, coarsest.visible_nodes)
+    assert session.select(view, _core.Budget(pixel_error=1e-9)).triangles > coarsest.triangles

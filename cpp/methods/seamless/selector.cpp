@@ -153,7 +153,8 @@ double Selector::needed(const Patch& p, double weight, double distance, double t
   const double away = metric_.base() * length / (threshold * kBeyond) - distance;
   if (away > 0.0) return -away;
   if (!(weight > 0.0)) return std::numeric_limits<double>::infinity();
-  return std::max(0.0, (threshold * kBeyond * distance / length - metric_.base()) / weight * kBeyond);
+  constexpr double kAbove = 1e-100;  // at no distance the paper's metric asks for any fineness above 0
+  return std::max(kAbove, (threshold * kBeyond * distance / length - metric_.base()) / weight * kBeyond);
 }
 
 std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>& weight, const Edges& edges,
