@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""What all tests share: real data that may be absent."""
+"""What all tests share: real data that may be absent, and charts that nobody looks at."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,3 +30,16 @@ def shared_data() -> Callable[[str], Path]:
         pytest.skip(reason)
 
     return find
+
+
+@pytest.fixture(scope="module")
+def unrendered() -> Iterator[None]:
+    """Charts are composed as ever, and matplotlib, which takes most of a small sweep's time, writes empty ones.
+
+    For tests of what sweeps write into tables; what charts show is tested in test_report.
+    """
+    from matplotlib.figure import Figure
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", lambda figure, out, **keys: out.write(b"<svg/>"))
+        yield

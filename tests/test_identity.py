@@ -15,6 +15,8 @@ import lodlab as lod
 from lodlab import _core, configs, passes, pictures, report, results
 from lodlab.errors import InvalidInput, StoreError
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 SMALL = {"frames": 3, "size": (96, 64), "accuracy_frames": 1, "progress": False}
 CONFIG = {
     "sources": ["fractal:size=33,seed=3"],

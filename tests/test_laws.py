@@ -12,6 +12,8 @@ import pytest
 import lodlab as lod
 from lodlab import _core, cli, laws, metrics
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 GOOD = {
     "run": "a",
     "method": "chunked",

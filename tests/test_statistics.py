@@ -11,6 +11,8 @@ import pytest
 import lodlab as lod
 from lodlab import charts, figures, results, statistics
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 FRAMES = 120
 SHAPE = np.linspace(4.0, 9.0, FRAMES) * (1.0 + 0.2 * np.sin(np.arange(FRAMES) / 7.0))  # ms, as along a path
 

@@ -110,9 +110,9 @@ def _inline(data: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
-def _chart(chart: charts.Chart, caption: str) -> str:
-    """A chart in both dresses; the reader's colour scheme chooses."""
-    light, dark = (_inline(chart.svg(theme).encode(), "svg+xml") for theme in ("light", "dark"))
+def _chart(chart: charts.Chart, caption: str, light: str | None = None) -> str:
+    """A chart in both dresses; the reader's colour scheme chooses. `light`: its SVG, where it is drawn already."""
+    light, dark = (_inline(svg.encode(), "svg+xml") for svg in (light or chart.svg("light"), chart.svg("dark")))
     return (
         f'<figure class="chart"><picture><source media="(prefers-color-scheme: dark)" srcset="{dark}">'
         f'<img alt="{html.escape(chart.title)}" src="{light}"></picture><figcaption>{caption}</figcaption></figure>'
@@ -235,8 +235,9 @@ def write(directory: str | os.PathLike[str]) -> Path:
     if summary["measured_px_max_worst"].notna().any():
         chart = charts.pareto(result)
         chart.save(folder / "pareto.png")
-        chart.save(folder / "pareto.svg")
-        pareto = _chart(chart, _PARETO_CAPTION)
+        light = chart.svg()
+        write_atomic(folder / "pareto.svg", light)
+        pareto = _chart(chart, _PARETO_CAPTION, light)
     page = Template((Path(__file__).parent / "templates" / "report.html").read_text(encoding="utf-8"))
     sources, methods = _join(summary["source"].map(short_source)), _join(summary["method"])
     size, fov = _viewport(config)
