@@ -26,7 +26,7 @@ demo: setup
 test: setup
 	cmake --build $(EDITABLE) --target cpp_tests
 	ctest --test-dir $(EDITABLE) --output-on-failure --parallel $$(nproc)
-	$(PYTHON_VENV) -m pytest
+	$(PYTHON_VENV) -m pytest -n $$(nproc) --dist loadscope --no-loadscope-reorder
 
 # With LODLAB_WERROR=ON (continuous integration) set-up has built with warnings as errors already.
 lint: setup
