@@ -11,27 +11,15 @@
 namespace lodlab::instrument {
 namespace {
 
-constexpr double kLeastErosion = 1.0, kMostError = 4.0;
+constexpr double kLeastErosion = 1.0;
 constexpr uint8_t kOutside = 255, kInside = 128;
 constexpr int kMostPixels = 16384;
 
-struct Margin {
-  int x, y;
-};
-
-/// By how much the reference is wider than the cut's picture on each side.
-Margin margin_of(const render::Picture& cut, const render::Picture& reference) {
-  const int x = reference.width - cut.width, y = reference.height - cut.height;
-  if (x >= 0 && y >= 0 && x % 2 == 0 && y % 2 == 0) return {x / 2, y / 2};
-  throw InvalidInput("crack_pixels: a reference of " + size_text(reference) +
-                     " pixels does not surround a picture of " + size_text(cut));
-}
-
-/// Distance along the row to the nearest pixel that is not set, at most `cap`.
+/// Distance along the row to the nearest pixel that is not set, or out of the row; at most `cap`.
 void row_distances(const uint8_t* mask, int width, int cap, int* out) {
-  int distance = cap;
+  int distance = 0;
   for (int x = 0; x < width; ++x) out[x] = distance = mask[x] == 0 ? 0 : std::min(distance + 1, cap);
-  distance = cap;
+  distance = 0;
   for (int x = width - 1; x >= 0; --x) {
     distance = mask[x] == 0 ? 0 : std::min(distance + 1, cap);
     out[x] = std::min(out[x], distance);
@@ -40,27 +28,38 @@ void row_distances(const uint8_t* mask, int width, int cap, int* out) {
 
 }  // namespace
 
-double erosion_radius(double measured_px_max) {
-  return kLeastErosion + (std::isnan(measured_px_max) ? kMostError : std::min(measured_px_max, kMostError));
-}
+double erosion_radius(double error_px) { return kLeastErosion + (std::isnan(error_px) ? 0.0 : error_px); }
 
 std::vector<uint8_t> erode(const std::vector<uint8_t>& mask, int width, int height, double radius) {
-  const int reach = static_cast<int>(std::floor(radius)), cap = reach + 1;
+  radius = std::min(radius, static_cast<double>(width + height));  // from half of that on nothing is left
+  const int reach = static_cast<int>(std::floor(radius));
   std::vector<int> distance(mask.size());
   parallel_for(height, 16, [&](int64_t begin, int64_t end) {
-    for (int64_t y = begin; y < end; ++y) row_distances(&mask[y * width], width, cap, &distance[y * width]);
-  });
-  std::vector<uint8_t> out(mask.size(), 0);
-  parallel_for(height, 16, [&](int64_t begin, int64_t end) {
     for (int64_t y = begin; y < end; ++y) {
-      const int64_t lo = std::max<int64_t>(0, y - reach), hi = std::min<int64_t>(height - 1, y + reach);
-      for (int x = 0; x < width; ++x) {
-        bool keep = true;
-        for (int64_t row = lo; row <= hi && keep; ++row) {
-          const double across = distance[row * width + x], along = static_cast<double>(row - y);
-          keep = across * across + along * along > radius * radius;
-        }
-        out[y * width + x] = keep ? 1 : 0;
+      row_distances(&mask[y * width], width, reach + 1, &distance[y * width]);
+    }
+  });
+  // In its own column a clear pixel `d` columns away erodes the rows up to rows_at[d] above and below its
+  // own.
+  std::vector<int> rows_at(static_cast<size_t>(reach) + 1);
+  for (int d = 0; d <= reach; ++d)
+    rows_at[d] = static_cast<int>(std::floor(std::sqrt(radius * radius - 1.0 * d * d)));
+  std::vector<int> begun(mask.size(), 0);  // by row: how many such spans begin there, less those that ended
+  std::vector<uint8_t> out(mask.size(), 0);
+  parallel_for(width, 64, [&](int64_t left, int64_t right) {
+    for (int64_t y = 0; y < height; ++y) {
+      for (int64_t x = left; x < right; ++x) {
+        const int d = distance[y * width + x];
+        if (d > reach) continue;
+        const int64_t first = std::max<int64_t>(0, y - rows_at[d]), end = y + rows_at[d] + 1;
+        ++begun[first * width + x];
+        if (end < height) --begun[end * width + x];
+      }
+    }
+    for (int64_t y = 0; y < height; ++y) {
+      for (int64_t x = left; x < right; ++x) {
+        if (y > 0) begun[y * width + x] += begun[(y - 1) * width + x];
+        out[y * width + x] = begun[y * width + x] == 0 && y >= reach && y < height - reach ? 1 : 0;
       }
     }
   });
@@ -69,8 +68,8 @@ std::vector<uint8_t> erode(const std::vector<uint8_t>& mask, int width, int heig
 
 Camera with_margin(const Camera& camera) {
   Camera out = camera;
-  out.width += 2 * std::clamp((kMostPixels - camera.width) / 2, 0, kReferenceMargin);
-  out.height += 2 * std::clamp((kMostPixels - camera.height) / 2, 0, kReferenceMargin);
+  out.width += 2 * std::clamp((kMostPixels - camera.width) / 2, 0, kClassMargin);
+  out.height += 2 * std::clamp((kMostPixels - camera.height) / 2, 0, kClassMargin);
   out.tan_h = camera.tan_h * out.width / camera.width;
   out.tan_v = camera.tan_v * out.height / camera.height;
   out.s = std::sqrt(1.0 + out.tan_h * out.tan_h + out.tan_v * out.tan_v);
@@ -93,29 +92,31 @@ void take_back_slivers(render::Picture& cut, const render::Picture& again) {
   }
 }
 
-CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference,
-                         double measured_px_max) {
-  check_colours("crack_pixels", cut);
-  check_colours("crack_pixels", reference);
-  const Margin margin = margin_of(cut, reference);
-  const auto class_at = [&](int x, int y) {
-    return reference.rgba[4 * (static_cast<size_t>(y + margin.y) * reference.width + x + margin.x)];
-  };
+CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference, int width, int height,
+                         double error_px) {
+  check_same_size("crack_pixels", cut, reference);
+  if (width > reference.width || height > reference.height) {
+    throw InvalidInput("crack_pixels: pictures of " + size_text(reference) + " pixels have no middle of " +
+                       std::to_string(width) + " x " + std::to_string(height));
+  }
+  const int left = (reference.width - width) / 2, top = (reference.height - height) / 2;
   std::vector<uint8_t> outside(reference.rgba.size() / 4);
   for (size_t i = 0; i < outside.size(); ++i) outside[i] = reference.rgba[4 * i] == kOutside ? 1 : 0;
   const std::vector<uint8_t> mask =
-      erode(outside, reference.width, reference.height, erosion_radius(measured_px_max));
+      erode(outside, reference.width, reference.height, erosion_radius(error_px));
   CrackPixels out;
-  int64_t covered = 0, looked_at = 0;
-  for (int y = 0; y < cut.height; ++y) {
-    for (int x = 0; x < cut.width; ++x) {
-      covered += class_at(x, y) != 0 ? 1 : 0;
-      if (mask[static_cast<size_t>(y + margin.y) * reference.width + x + margin.x] == 0) continue;
+  int64_t covered = 0, looked_at = 0, cracks = 0;
+  for (int y = top; y < top + height; ++y) {
+    for (int x = left; x < left + width; ++x) {
+      const size_t pixel = static_cast<size_t>(y) * reference.width + x;
+      covered += reference.rgba[4 * pixel] != 0 ? 1 : 0;
+      if (mask[pixel] == 0) continue;
       ++looked_at;
-      if (cut.rgba[4 * (static_cast<size_t>(y) * cut.width + x)] != kOutside) ++out.pixels;
+      cracks += cut.rgba[4 * pixel] != kOutside ? 1 : 0;
     }
   }
   if (covered > 0) out.mask_share = static_cast<double>(looked_at) / static_cast<double>(covered);
+  if (out.mask_share >= kLeastMaskShare) out.pixels = static_cast<double>(cracks);
   return out;
 }
 

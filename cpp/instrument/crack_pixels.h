@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Cracks in the picture: clear colour, or the inside of the surface, seen where the reference shows its
-// outside. The reference's silhouette is eroded first, because an approximation may rightly end elsewhere.
-// Works on pictures drawn with Show::kClass (red 0 nothing, 128 inside, 255 outside). The reference is drawn
-// a margin wider on each side, because a silhouette just outside the picture erodes it as well.
+// outside. The reference's silhouette is eroded first by the largest error that any pixel sees, because an
+// approximation may rightly end elsewhere; where next to nothing is left, nothing is decided.
+// Works on pictures drawn with Show::kClass (red 0 nothing, 128 inside, 255 outside), the cut's and the
+// reference's with one camera, so that equal surfaces make equal pictures. It is a margin wider on each side,
+// because a silhouette just outside the picture erodes it as well.
 #pragma once
 
 #include <cstdint>
@@ -14,21 +16,24 @@
 namespace lodlab::instrument {
 
 struct CrackPixels {
-  int64_t pixels = 0;
+  double pixels = kUndefined;      ///< nan: not decided, below kLeastMaskShare
   double mask_share = kUndefined;  ///< eroded pixels by covered reference pixels; nan: nothing covered
 };
 
-/// The disc that erodes the silhouette, pixels: 1 + min(measured_px_max, 4); an undefined error counts as 4.
-double erosion_radius(double measured_px_max);
+/// Below this share of the covered pixels nothing is said of the rest.
+inline constexpr double kLeastMaskShare = 0.1;
 
-/// 1 where every pixel centre within `radius` (Euclidean) is set. What lies outside the mask does not erode.
+/// The disc that erodes the silhouette, pixels, where no pixel sees a larger (finite) error.
+double erosion_radius(double error_px);
+
+/// 1 where every pixel centre within `radius` (Euclidean) is set. Nothing is set outside the mask.
 std::vector<uint8_t> erode(const std::vector<uint8_t>& mask, int width, int height, double radius);
 
-/// Pixels by which the reference is wider on each side: more than any erosion_radius().
-inline constexpr int kReferenceMargin = 6;
+/// Pixels by which the pictures of classes are wider on each side.
+inline constexpr int kClassMargin = 6;
 
-/// The camera of the reference's classes: the same rays, and a margin of pixels around them (less where
-/// the picture would pass 16384 pixels).
+/// The camera of the classes: the same rays, and a margin of pixels around them (less where the picture would
+/// pass 16384 pixels).
 Camera with_margin(const Camera& camera);
 
 /// The same camera turned by a fraction of a pixel to the right and down (at the centre of the picture).
@@ -40,8 +45,9 @@ Camera nudged(const Camera& camera, double right, double down);
 void take_back_slivers(render::Picture& cut, const render::Picture& again);
 inline constexpr double kNudge = 1.0 / 64.0;
 
-/// `reference` is as large as `cut`, or wider by an equal margin on opposite sides; else InvalidInput.
-CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference,
-                         double measured_px_max);
+/// Of the middle of two pictures of one size (else InvalidInput), `width` x `height` pixels. `error_px`: the
+/// largest finite error that a pixel of the reference sees; nan where none sees any.
+CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference, int width, int height,
+                         double error_px);
 
 }  // namespace lodlab::instrument

@@ -220,21 +220,25 @@ double Measurement::capture_mismatch_pixels() {
   return static_cast<double>(depth_mismatch_pixels(drawn(), again));
 }
 
-const Measurement::Cracks& Measurement::cracks() {
-  return kept(cracks_, [&]() -> Cracks {
+const CrackPixels& Measurement::cracks() {
+  return kept(cracks_, [&]() -> CrackPixels {
     if (subject_.reference == nullptr) return {};
-    const render::Picture& wanted = subject_.reference->classes;
-    const auto classes = [&](const Camera& camera) {
-      return render::draw_picture(camera, render::Show::kClass, subject_.draw, false);
+    const Camera camera = with_margin(subject_.camera);
+    const auto classes = [&](const Camera& from) {
+      return render::draw_picture(from, render::Show::kClass, subject_.draw, false);
     };
-    render::Picture picture = classes(subject_.camera);
-    CrackPixels found = lodlab::instrument::crack_pixels(picture, wanted, measured_px_max());
-    for (int i = 0; i < 4 && found.pixels > 0; ++i) {
+    render::Picture picture = classes(camera);
+    const auto found = [&] {
+      return lodlab::instrument::crack_pixels(picture, subject_.reference->classes, subject_.camera.width,
+                                              subject_.camera.height, pixels().finite_max);
+    };
+    CrackPixels out = found();
+    for (int i = 0; i < 4 && out.pixels > 0; ++i) {
       const double right = i % 2 == 0 ? kNudge : -kNudge, down = i / 2 == 0 ? kNudge : -kNudge;
-      take_back_slivers(picture, classes(nudged(subject_.camera, right, down)));
-      found = lodlab::instrument::crack_pixels(picture, wanted, measured_px_max());
+      take_back_slivers(picture, classes(nudged(camera, right, down)));
+      out = found();
     }
-    return {static_cast<double>(found.pixels), found.mask_share};
+    return out;
   });
 }
 

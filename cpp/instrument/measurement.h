@@ -81,9 +81,6 @@ class Measurement {
     SampleError samples;
     double px_max = kUndefined, pop_px_max = kUndefined;
   };
-  struct Cracks {
-    double pixels = kUndefined, mask_share = kUndefined;
-  };
   const render::Captured& whole();
   const DrawnSurface& surface();
   const DrawnSurface* before();
@@ -91,7 +88,7 @@ class Measurement {
   const ByRows& by_rows();
   bool compares();  // with the reference picture
   const PixelError& pixels();
-  const Cracks& cracks();
+  const CrackPixels& cracks();
   const Orientation& orientation();
   DrawnSurface rasterize(const HeightField& field, const SampleGrid& grid, const render::Captured& captured,
                          std::vector<float>* worst) const;
@@ -110,7 +107,7 @@ class Measurement {
   std::optional<ByRows> by_rows_;
   std::optional<SampleError> samples_;
   std::optional<PixelError> pixels_;
-  std::optional<Cracks> cracks_;
+  std::optional<CrackPixels> cracks_;
   std::optional<Orientation> orientation_;
   std::optional<double> px_max_;
 };

@@ -59,7 +59,8 @@ inline glm::dvec3 up_at(const SampleGrid& grid, const glm::dvec3& relative, cons
 struct PixelError {
   double p99 = kUndefined;  ///< the value that 99 % of the covered pixels do not exceed (nearest rank)
   double rms = kUndefined;
-  int64_t pixels = 0;  ///< covered pixels; nan above when there are none
+  double finite_max = kUndefined;  ///< the largest that is no hole; nan when there is none
+  int64_t pixels = 0;              ///< covered pixels; nan above when there are none
 };
 
 /// Of the distances at all pixels, kNothing left out.
@@ -69,7 +70,10 @@ inline PixelError summarize(std::vector<double> distances) {
   out.pixels = static_cast<int64_t>(distances.size());
   if (distances.empty()) return out;
   double squares = 0.0;
-  for (const double distance : distances) squares += distance * distance;
+  for (const double distance : distances) {
+    squares += distance * distance;
+    if (std::isfinite(distance)) out.finite_max = std::fmax(out.finite_max, distance);
+  }
   out.rms = std::sqrt(squares / static_cast<double>(distances.size()));
   const auto rank = distances.begin() + static_cast<int64_t>((distances.size() * 99 + 99) / 100) - 1;
   std::nth_element(distances.begin(), rank, distances.end());

@@ -40,6 +40,7 @@ def _core(name: str, unit: str, text: str, smaller_is_worse: bool = False) -> Me
 _SEES_NOTHING = "nan when the view sees nothing"
 _COMPARES = "against the full-resolution reference; nan without one, and where both show nothing"
 _NO_OPTIMUM = "nan where the method knows no optimum or a hard budget is broken, below 0 within a pixel error"
+_UNDECIDED = "nan when less than a tenth of the covered ones is farther from a silhouette than errors reach"
 METRICS: tuple[Metric, ...] = (
     _core("predicted_px", "px", "The method's claim: the largest projected bound among visible nodes."),
     _core("measured_px_max", "px", f"Largest screen error over source samples in view; {_SEES_NOTHING}."),
@@ -51,7 +52,7 @@ METRICS: tuple[Metric, ...] = (
     _core("measured_samples", "count", "Source samples that are not void.", smaller_is_worse=True),
     _core("psnr_db", "dB", f"Peak signal-to-noise ratio {_COMPARES}; inf when equal.", smaller_is_worse=True),
     _core("crack_edges", "count", "Directed edges of the surface without exactly one opposite, border apart."),
-    _core("crack_pixels", "px", "Pixels of clear colour or inside where the reference shows outside."),
+    _core("crack_pixels", "px", f"Pixels of clear colour or inside where the reference shows outside; {_UNDECIDED}."),
     _core("capture_mismatch_pixels", "px", "Pixels where the capture, drawn again, is not what was drawn."),
     _core("crack_mask_share", "1", "Share of covered pixels looked at for cracks.", smaller_is_worse=True),
     _core("ssim", "1", f"Structural similarity (Wang et al. 2004) {_COMPARES}; 1 when equal.", smaller_is_worse=True),

@@ -587,19 +587,20 @@ TEST_CASE("pixels of the reference are measured by the source's own triangles") 
   CHECK_THROWS_AS(pixel_error(*source, grid, surface, reference, make_camera(small)), InvalidInput);
 }
 
-TEST_CASE("the erosion is a Euclidean disc and stops at the picture's border") {
+TEST_CASE("the erosion is a Euclidean disc, and nothing is set beyond the picture's border") {
   CHECK(erosion_radius(0.0) == 1.0);
-  CHECK(erosion_radius(2.5) == 3.5);
-  CHECK(erosion_radius(std::numeric_limits<double>::infinity()) == 5.0);
-  CHECK(erosion_radius(std::numeric_limits<double>::quiet_NaN()) == 5.0);
+  CHECK(erosion_radius(72.5) == 73.5);
+  CHECK(erosion_radius(std::numeric_limits<double>::quiet_NaN()) == 1.0);
   std::vector<uint8_t> mask(31 * 31, 1);
   mask[15 * 31 + 15] = 0;
-  for (const double radius : {1.0, 1.4, 1.5, 3.0, 4.2, 5.0}) {
+  for (const double radius : {0.0, 1.0, 1.4, 1.5, 3.0, 4.2, 5.0, 13.9, 1e300}) {
     const std::vector<uint8_t> eroded = erode(mask, 31, 31, radius);
     bool disc = true;
     for (int y = 0; y < 31; ++y) {
       for (int x = 0; x < 31; ++x) {
-        disc = disc && (eroded[size_t(y * 31 + x)] == 0) == (std::hypot(x - 15, y - 15) <= radius);
+        const int border = std::min({x, y, 30 - x, 30 - y}) + 1;
+        const bool gone = std::hypot(x - 15, y - 15) <= radius || border <= radius;
+        disc = disc && (eroded[size_t(y * 31 + x)] == 0) == gone;
       }
     }
     CHECK_MESSAGE(disc, "radius " << radius);
@@ -607,32 +608,48 @@ TEST_CASE("the erosion is a Euclidean disc and stops at the picture's border") {
 }
 
 TEST_CASE("crack pixels are clear colour or inside, within the eroded silhouette") {
-  render::Picture reference = picture(40, 30, 255);
-  for (int x = 0; x < 40; ++x) {
-    for (int y = 0; y < 10; ++y) set(reference, x, y, 0);  // sky
+  render::Picture reference = picture(60, 50, 255);  // of 40 x 30 pixels, ten more on each side
+  for (int x = 0; x < 60; ++x) {
+    for (int y = 0; y < 20; ++y) set(reference, x, y, 0);  // sky
   }
   render::Picture cut = reference;
-  set(cut, 20, 10, 0);  // on the silhouette: eroded
-  set(cut, 20, 11, 0);  // at distance 2 of the sky, survives a radius of 1
-  set(cut, 0, 29, 128);
-  const CrackPixels exact = crack_pixels(cut, reference, 0.0);
-  CHECK(exact.pixels == 2);
-  CHECK(exact.mask_share == doctest::Approx(19.0 / 20.0));
-  CHECK(crack_pixels(cut, reference, 1.5).pixels == 1);
-  CHECK(crack_pixels(reference, reference, 0.0).pixels == 0);
-  CHECK(std::isnan(crack_pixels(cut, picture(40, 30, 0), 0.0).mask_share));
-  CHECK_THROWS_AS(crack_pixels(picture(39, 30, 0), reference, 0.0), InvalidInput);
-  CHECK_THROWS_AS(crack_pixels(picture(42, 30, 0), reference, 0.0), InvalidInput);
+  set(cut, 30, 20, 0);  // on the silhouette: eroded
+  set(cut, 30, 21, 0);  // at distance 2 of the sky, survives a radius of 1
+  set(cut, 10, 39, 128);
+  set(cut, 9, 30, 128);  // outside the picture
+  const auto found = [&](double error_px) { return crack_pixels(cut, reference, 40, 30, error_px); };
+  CHECK(found(0.0).pixels == 2);
+  CHECK(found(0.0).mask_share == doctest::Approx(19.0 / 20.0));
+  CHECK(found(1.5).pixels == 1);
+  CHECK(found(9.0).pixels == 1);
+  CHECK(found(9.0).mask_share == doctest::Approx(0.5));  // 10 rows of 20 covered: the margin is wide enough
+  CHECK(std::isnan(found(1e9).pixels));
+  CHECK(crack_pixels(reference, reference, 40, 30, 0.0).pixels == 0);
+  CHECK_THROWS_AS(crack_pixels(picture(59, 50, 0), reference, 40, 30, 0.0), InvalidInput);
+  CHECK_THROWS_AS(crack_pixels(cut, reference, 61, 50, 0.0), InvalidInput);
+}
+
+TEST_CASE("where next to nothing is looked at, no crack is none") {
+  render::Picture reference = picture(20, 20, 128), cut = reference;
+  for (int x = 0; x < 20; ++x) {
+    for (int y = 0; y < 4; ++y) set(reference, x, y, 255);
+  }
+  // Two rows of 18 pixels survive a radius of 1.
+  CHECK(std::isnan(crack_pixels(cut, reference, 20, 20, 0.0).pixels));
+  CHECK(crack_pixels(cut, reference, 20, 20, 0.0).mask_share == doctest::Approx(0.09));
+  CHECK(crack_pixels(cut, reference, 18, 18, 0.0).pixels == 36);  // of 324
+  const CrackPixels sky = crack_pixels(cut, picture(20, 20, 0), 20, 20, 0.0);
+  CHECK((std::isnan(sky.pixels) && std::isnan(sky.mask_share)));
 }
 
 TEST_CASE("a silhouette just outside the picture erodes it") {
-  render::Picture cut = picture(20, 20, 255), reference = picture(32, 32, 255);
-  set(cut, 10, 19, 0);  // its row is 25 of the reference
-  CHECK(crack_pixels(cut, reference, 0.0).pixels == 1);
+  render::Picture cut = picture(32, 32, 255), reference = picture(32, 32, 255);  // of 20 x 20 pixels
+  set(cut, 16, 25, 0);
+  CHECK(crack_pixels(cut, reference, 20, 20, 0.0).pixels == 1);
   for (int x = 0; x < 32; ++x) set(reference, x, 27, 0);
-  CHECK(crack_pixels(cut, reference, 0.5).pixels == 1);
-  CHECK(crack_pixels(cut, reference, 1.0).pixels == 0);
-  CHECK(crack_pixels(cut, reference, 1.0).mask_share == doctest::Approx(0.95));
+  CHECK(crack_pixels(cut, reference, 20, 20, 0.5).pixels == 1);
+  CHECK(crack_pixels(cut, reference, 20, 20, 1.0).pixels == 0);
+  CHECK(crack_pixels(cut, reference, 20, 20, 1.0).mask_share == doctest::Approx(0.95));
 }
 
 TEST_CASE("the margin widens the view and leaves its rays where they were") {

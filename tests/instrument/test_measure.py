@@ -165,6 +165,39 @@ def test_cracks_show_without_skirts(tmp_path: Path) -> None:
     assert seen["none"]["crack_mask_share"] > 0.8
 
 
+@pytest.mark.parametrize("method", ["multigrain", "seamless"])
+def test_a_coarse_silhouette_is_no_crack(tmp_path: Path, method: str) -> None:
+    """Cuts of 16 and 64 pixels end 8 to 25 pixels elsewhere; four were allowed for, and hundreds counted as cracks."""
+    y, x = np.mgrid[0:129, 0:129] * 0.09
+    heights = 600 * np.sin(1.7 * x + 0.3) * np.cos(1.1 * y) + 200 * np.sin(7.3 * y - 5.9 * x)
+    field = lod.HeightField(heights.astype(np.float32), spacing=90.0)
+    full = lod.build(field, "full", tmp_path / "f.lod", progress=False).core.session({})
+    session = lod.build(field, method, tmp_path / "m.lod", progress=False).core.session({"stream": False})
+    instrument = _core.Instrument(field.core, full)
+    for path, pixel_error in ((lod.CameraPath.orbit, 16.0), (lod.CameraPath.flyover, 64.0)):
+        for view in path(field, frames=6).views(SIZE):
+            cut = session.select(view, _core.Budget(pixel_error=pixel_error))
+            row = measure(instrument, session, cut, view, instrument.reference(view))
+            assert row["crack_pixels"] == 0 and row["crack_edges"] == 0, row
+            assert row["crack_mask_share"] > 0.5, "and most of the picture was looked at"
+
+
+def test_full_shows_no_crack_where_floats_are_coarse(tmp_path: Path) -> None:
+    """An eye at man's height over cells of 1000 km, and steep cells that end within the rasterizer's own grid: a
+    reference drawn with another camera than the cut differs from it there."""
+    level = lod.HeightField(np.zeros((34, 34)), spacing=1e6)
+    steep = lod.HeightField(2e4 * (np.indices((64, 63)).sum(axis=0) % 2) - 1e4, spacing=(30.0, 40.0))
+    along = _core.View((60.0, -200.0, 10026.816574324486), (262.06764955948046, -1534.7418814301807, 9604.101391309006),
+                       fov=20.0, size=(96, 64))  # fmt: skip
+    walk = lod.CameraPath.walk(level, frames=24).views((320, 200))
+    for name, field, views in (("level", level, walk), ("steep", steep, [along])):
+        full = lod.build(field, "full", tmp_path / f"{name}.lod", progress=False).core.session({})
+        instrument = _core.Instrument(field.core, full)
+        for view in views:
+            row = measure(instrument, full, full.select(view), view, instrument.reference(view))
+            assert row["crack_pixels"] == 0 and row["psnr_db"] == math.inf, view
+
+
 def test_voids_are_not_measured(holed: Lab) -> None:
     view = holed.view()
     session, cut = coarse(holed, view)
@@ -245,11 +278,10 @@ def test_looking_away_measures_no_pixel(lab: Lab) -> None:
     view = _core.View((0.0, 0.0, 500.0), (0.0, 0.0, 600.0), up=(0.0, 1.0, 0.0), size=SIZE)
     session, cut = coarse(lab, view)
     row = measure(lab.instrument, session, cut, view, lab.instrument.reference(view))
-    for column in ("measured_px_max", "measured_px_p99", "measured_px_rms", "crack_mask_share"):
+    for column in ("measured_px_max", "measured_px_p99", "measured_px_rms", "crack_mask_share", "crack_pixels"):
         assert math.isnan(row[column])
     assert row["measured_max"] > 0.0
     assert row["hole_samples"] == 0
-    assert row["crack_pixels"] == 0
     again = lab.instrument.examine(session, cut, view, lab.instrument.reference(view), before=cut)
     assert math.isnan(again.pop_px_max) and math.isnan(again.pop_area)
 

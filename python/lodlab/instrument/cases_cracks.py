@@ -19,7 +19,20 @@ UP = 128.0
 ABOVE = from_above((0.0, 0.0, UP))
 GROUND = square(192.0, 6)
 REACH = (-192.0, 192.0)
-MOST_EROSION = 5.0  # 1 + min(measured_px_max, 4)
+MARGIN = 6  # pixels round a picture that are drawn to see what ends there
+FARTHEST = math.hypot(0.5 * SIDE - 0.5, 0.5 * SIDE - 0.5)  # of a pixel's centre from the picture's, pixels
+
+
+def _off(z: float) -> float:
+    """By how much the farthest pixel sees level ground off that is drawn z metres too high."""
+    return FARTHEST * abs(z) / (UP - z)
+
+
+def _within(radius: float, ends: int | None = None) -> int:
+    """Columns (or rows) of a picture, of ground as far as column `ends`, that a disc of this radius leaves."""
+    return sum(
+        min(c + MARGIN + 1, SIDE + MARGIN - c if ends is None else ends - c) > radius for c in range(ends or SIDE)
+    )
 
 
 def _halves(name: str, left: float, right: float, edges: int, pixels: int) -> Case:
@@ -44,8 +57,9 @@ def _gaps() -> list[Case]:
 def _steps() -> list[Case]:
     # The right half stands 8 m higher. Seen from 32 m left of the edge, its foot is at pixel
     # 128 + 32 = 160 and its brink at 128 + 128 * 32 / 120 = 162.13: columns 160 and 161 are clear.
-    # From the right the brink hides the foot.
+    # From the right the brink hides the foot. In both the right half fills a corner, off by more than the margin.
     drawn = (sheet((-256.0, 0.0), (-256.0, 256.0), (2, 2)), sheet((0.0, 256.0), (-256.0, 256.0), (2, 2), 8.0))
+    rows = _within(1.0 + _off(8.0))
     return [
         Case(
             f"vertical step of 8 m, seen from {where}",
@@ -54,7 +68,7 @@ def _steps() -> list[Case]:
             from_above((x, 0.0, UP)),
             {"crack_edges": 2, "crack_pixels": pixels, "measured_max": 8.0, "hole_samples": 0},
         )
-        for where, x, pixels in (("below", -32.0, 2 * SIDE), ("above", 32.0, 0))
+        for where, x, pixels in (("below", -32.0, 2 * rows), ("above", 32.0, 0))
     ]
 
 
@@ -67,7 +81,11 @@ def _junctions() -> list[Case]:
     # right of the line is in it when its row is nearer to the middle than 256 (1 - u / 4.57).
     width = UP * 32.0 / 112.0 - 32.0
     u, v = np.meshgrid(np.arange(8) + 0.5, np.arange(SIDE) + 0.5 - 0.5 * SIDE)
-    clear = int(np.count_nonzero(np.abs(v) < 256.0 * (1.0 - u / width)))
+    # The raised half is off by 16 (1 - (x + |y|) / 256) metres: more pixels than the margin is wide.
+    right, up = pixel_offsets()
+    deviation = np.where(right > 32.0, 16.0 * (1.0 - (right - 32.0 + np.abs(up)) / 256.0), 0.0)
+    rows = _within(1.0 + float(np.max(np.hypot(right, up) * deviation / (UP - deviation))))
+    clear = int(np.count_nonzero(np.abs(v) < np.minimum(256.0 * (1.0 - u / width), 0.5 * rows)))
     ground = square(256.0, 8)
     return [
         Case(
@@ -94,22 +112,22 @@ def _doubled() -> Case:
 
 
 def _insides() -> list[Case]:
-    # Level, 16 m up: ground from y = -256 to 256 shows below row 128 + 128 * 16 / 256 = 136, in 120 rows.
-    # Drawn instead: a slope that falls at 45 degrees from 16 m above the eye, whose underside fills all rays.
-    ground = sheet((-320.0, 320.0), (-256.0, 256.0), (5, 5))
-    slope = sheet((-8192.0, 8192.0), (-256.0, 8192.0), (2, 2), lambda x, y: 32.0 - y)
-    rows = sum(row - 135 > MOST_EROSION for row in range(136, SIDE))
+    # Level, 16 m up: ground from y = 32 to 256 shows from row 128 + 128 * 16 / 256 = 136 to 128 + 64 = 192. In front
+    # of it, where the source has no sample, hangs a slope from 16 m above the eye, whose underside fills all rays.
+    ground = sheet((-320.0, 320.0), (32.0, 256.0), (8, 11))
+    slope = sheet((-8192.0, 8192.0), (-256.0, 16.0), (2, 2), lambda x, y: 32.0 - 4.0 * y)
+    rows = sum(min(row - 135, 192 - row) > 1.0 for row in range(136, 192))
     inside = Case(
         "the inside of the surface, seen instead of ground",
         ground,
-        (slope,),
+        (ground, slope),
         level((0.0, 0.0, 16.0)),
-        {"crack_pixels": rows * SIDE, "crack_mask_share": rows / 120.0, "inverted_triangles": 0},
+        {"crack_pixels": rows * SIDE, "crack_mask_share": rows / 56.0, "inverted_triangles": 0},
     )
     # From below the ground shows its inside alone: there is no outside to look for cracks in.
     gap = (sheet((-192.0, 0.0), REACH, (2, 2)), sheet((3.0, 192.0), REACH, (2, 2)))
     up = View((0.0, 0.0, -UP), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=90.0, size=(SIDE, SIDE))
-    below = Case("a gap seen from below", GROUND, gap, up, {"crack_pixels": 0, "crack_mask_share": 0.0})
+    below = Case("a gap seen from below", GROUND, gap, up, {"crack_pixels": math.nan, "crack_mask_share": 0.0})
     return [inside, below]
 
 
@@ -118,20 +136,24 @@ def _strip(z: float) -> HeightField:
 
 
 def _silhouettes() -> list[Case]:
-    # Ground that ends at x = 72, pixel 200, in every row. A column c is looked at when the next clear one,
-    # 200, is farther than the radius. Drawn h higher, the farthest sample in the frustum, (-126, 96), moves by
-    # r h / (128 - h) pixels.
+    # Ground that ends at x = 72, pixel 200, in every row. Drawn 16 m too low it ends 8 pixels earlier, drawn 8 m
+    # too high 4.8 later: within what is not looked at, which is as wide as the farthest pixel's error.
     def case(name: str, z: float) -> Case:
-        pixels = math.hypot(126.0, 96.0) * abs(z) / (UP - z)
-        columns = sum(200 - c > 1.0 + min(pixels, 4.0) for c in range(200))
-        values = {"measured_px_max": pixels, "crack_mask_share": columns / 200.0, "crack_pixels": 0}
+        radius = 1.0 + _off(z)
+        share = _within(radius, 200) * _within(radius) / (200.0 * SIDE)
+        # The farthest sample in the frustum is (-126, 96).
+        measured = math.hypot(126.0, 96.0) * abs(z) / (UP - z)
+        cracks = 0 if share >= 0.1 else math.nan
+        values = {"measured_px_max": measured, "crack_mask_share": share, "crack_pixels": cracks}
         return Case(name, _strip(0.0), (_strip(z),), ABOVE, values)
 
     return [
         case("silhouette, drawn as it is", 0.0),
         case("silhouette, drawn 2 m too high", 2.0),
-        case("silhouette, drawn 2 m too low", -2.0),  # it ends a pixel earlier, within the eroded strip
-        case("silhouette, off by more than 4 pixels", 8.0),
+        case("silhouette, drawn 2 m too low", -2.0),
+        case("silhouette, drawn 8 m too high", 8.0),
+        case("silhouette, drawn 16 m too low", -16.0),
+        case("silhouette, off by so much that nothing is decided", -112.0),
     ]
 
 
@@ -143,14 +165,13 @@ def _diagonal() -> list[Case]:
     right, up = pixel_offsets()
     steps = 102 - (right + up)[right + up < 102]
     away = np.floor(steps / 2.0) ** 2 + np.ceil(steps / 2.0) ** 2
-    # The farthest sample in the frustum decides by how much the eroding disc is wider than a pixel.
     x, y = np.meshgrid(np.linspace(-192.0, 72.0, 5), np.linspace(*REACH, 9))
     seen = np.maximum(np.abs(x - y), np.abs(x + y)) < UP * math.sqrt(2.0)
     farthest = float(np.hypot(x, y)[seen].max())
     cases = []
     for name, z in (("as it is", 0.0), ("2 m too high", 2.0)):
         pixels = farthest * z / (UP - z)
-        share = float(np.mean(away > (1.0 + min(pixels, 4.0)) ** 2))
+        share = float(np.mean(away > (1.0 + _off(z)) ** 2))
         values = {"measured_px_max": pixels, "crack_mask_share": share, "crack_pixels": 0}
         cases.append(Case(f"diagonal silhouette, drawn {name}", _strip(0.0), (_strip(z),), view, values))
     return cases
