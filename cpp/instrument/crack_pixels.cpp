@@ -86,6 +86,13 @@ Camera nudged(const Camera& camera, double right, double down) {
   return turned;
 }
 
+void leave_out_voids(render::Picture& classes, const render::Picture& seen) {
+  for (size_t i = 0; i < classes.depth.size(); ++i) {
+    if (classes.rgba[4 * i] == kOutside && classes.depth[i] != seen.depth[i]) classes.rgba[4 * i] = kInside;
+  }
+  classes.depth = {};
+}
+
 void take_back_slivers(render::Picture& cut, const render::Picture& again) {
   for (size_t i = 0; i < cut.rgba.size(); i += 4) {
     if (cut.rgba[i] == kInside && again.rgba[i] == kOutside) cut.rgba[i] = kOutside;

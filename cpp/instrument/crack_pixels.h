@@ -4,7 +4,9 @@
 // approximation may rightly end elsewhere; where next to nothing is left, nothing is decided.
 // Works on pictures drawn with Show::kClass (red 0 nothing, 128 inside, 255 outside), the cut's and the
 // reference's with one camera, so that equal surfaces make equal pictures. It is a margin wider on each side,
-// because a silhouette just outside the picture erodes it as well.
+// because a silhouette just outside the picture erodes it as well. Voids are filled in it (or a hole that
+// relief hides in one picture, and a lower ridge shows in the other, were a crack), but nothing is known of
+// errors there.
 #pragma once
 
 #include <cstdint>
@@ -38,6 +40,10 @@ Camera with_margin(const Camera& camera);
 
 /// The same camera turned by a fraction of a pixel to the right and down (at the centre of the picture).
 Camera nudged(const Camera& camera, double right, double down);
+
+/// Takes the outside back where `classes` show a filled void: where `seen`, the same view with its voids
+/// empty, has another depth.
+void leave_out_voids(render::Picture& classes, const render::Picture& seen);
 
 /// Takes back inside pixels of `cut` where `again` shows the outside. Near the edge of a ridge the
 /// rasterizer's own grid (1/256 pixel) lets a far slope through where the near one ends within that grid;

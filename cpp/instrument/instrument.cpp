@@ -64,7 +64,10 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
   auto out = std::make_shared<Reference>();
   out->camera = camera;
   out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
-  out->classes = render::draw_picture(with_margin(camera), render::Show::kClass, draw_full, false);
+  const Camera wide = with_margin(camera);
+  out->classes = render::draw_picture(wide, render::Show::kClass, draw_full, has_voids());
+  if (!has_voids()) return out;
+  leave_out_voids(out->classes, render::draw_picture(wide, render::Show::kShade, draw_full));
   return out;
 }
 
@@ -91,9 +94,11 @@ void Instrument::check_near(const glm::dvec3& eye) const {
   throw InvalidInput(text);
 }
 
-InView Instrument::in_view(const Camera& camera) const {
-  return InView(grid_.frame(), field_ != nullptr ? field_->valid != nullptr : windowed_->voids > 0, camera);
+bool Instrument::has_voids() const {
+  return field_ != nullptr ? field_->valid != nullptr : windowed_->voids > 0;
 }
+
+InView Instrument::in_view(const Camera& camera) const { return InView(grid_.frame(), has_voids(), camera); }
 
 double Instrument::slack(const glm::dvec3& eye) const {
   const FieldFrame& f = grid_.frame();

@@ -642,6 +642,21 @@ TEST_CASE("where next to nothing is looked at, no crack is none") {
   CHECK((std::isnan(sky.pixels) && std::isnan(sky.mask_share)));
 }
 
+TEST_CASE("a filled void is not looked at for cracks") {
+  render::Picture classes = picture(10, 10, 255), seen = classes;
+  classes.depth.assign(100, 7.0f);
+  seen.depth = classes.depth;
+  classes.rgba[4 * 44] = 0;
+  seen.depth[44] = 8.0f;                                    // nothing stays nothing
+  seen.depth[45] = std::nextafter(7.0f, 8.0f);              // through a void to what lies behind
+  seen.depth[46] = std::numeric_limits<float>::infinity();  // to nothing
+  leave_out_voids(classes, seen);
+  CHECK(classes.depth.empty());
+  std::vector<int> found;
+  for (int i = 43; i < 48; ++i) found.push_back(classes.rgba[4 * i]);
+  CHECK(found == std::vector<int>{255, 0, 128, 128, 255});
+}
+
 TEST_CASE("a silhouette just outside the picture erodes it") {
   render::Picture cut = picture(32, 32, 255), reference = picture(32, 32, 255);  // of 20 x 20 pixels
   set(cut, 16, 25, 0);

@@ -198,6 +198,18 @@ def test_full_shows_no_crack_where_floats_are_coarse(tmp_path: Path) -> None:
             assert row["crack_pixels"] == 0 and row["psnr_db"] == math.inf, view
 
 
+def test_filled_voids_are_not_looked_at(tmp_path: Path) -> None:
+    """All that is seen here is a void's filling, of which no error is known: it counted as 6144 cracks."""
+    heights = np.zeros((19, 20))
+    heights[:12] = np.nan
+    field = lod.HeightField(heights, spacing=30.0)
+    full = lod.build(field, "full", tmp_path / "f.lod", progress=False).core.session({})
+    view = _core.View((285.0, -290.0, 50.0), (285.0, -200.0, 0.0), size=(96, 64))
+    instrument = _core.Instrument(field.core, full)
+    row = measure(instrument, full, full.select(view), view, instrument.reference(view))
+    assert math.isnan(row["psnr_db"]) and math.isnan(row["crack_pixels"]) and row["crack_mask_share"] == 0.0
+
+
 def test_voids_are_not_measured(holed: Lab) -> None:
     view = holed.view()
     session, cut = coarse(holed, view)
