@@ -2,10 +2,13 @@
 #include "instrument/crack_pixels.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <limits>
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "instrument/mesh_surface.h"
 #include "instrument/picture_difference.h"
 
 namespace lodlab::instrument {
@@ -24,6 +27,20 @@ void row_distances(const uint8_t* mask, int width, int cap, int* out) {
     distance = mask[x] == 0 ? 0 : std::min(distance + 1, cap);
     out[x] = std::min(out[x], distance);
   }
+}
+
+/// Whether a ray from the origin meets a triangle; one that it lies in counts as missed.
+bool meets(const Triangle& t, const glm::dvec3& way) {
+  const glm::dvec3 normal = glm::cross(t[1] - t[0], t[2] - t[0]);
+  const double facing = glm::dot(normal, way);
+  if (facing == 0.0 || glm::dot(normal, t[0]) / facing < 0.0) return false;
+  double least = 0.0, most = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    const double side = glm::dot(way, glm::cross(t[i], t[(i + 1) % 3]));
+    least = std::min(least, side);
+    most = std::max(most, side);
+  }
+  return least == 0.0 || most == 0.0;
 }
 
 }  // namespace
@@ -90,13 +107,33 @@ void leave_out_voids(render::Picture& classes, const render::Picture& seen) {
   for (size_t i = 0; i < classes.depth.size(); ++i) {
     if (classes.rgba[4 * i] == kOutside && classes.depth[i] != seen.depth[i]) classes.rgba[4 * i] = kInside;
   }
-  classes.depth = {};
+}
+
+void keep_margin(std::vector<float>& depth, const Camera& wide, const Camera& camera) {
+  const int left = (wide.width - camera.width) / 2, top = (wide.height - camera.height) / 2;
+  for (int y = top; y < top + camera.height; ++y) {
+    const auto row = depth.begin() + static_cast<int64_t>(y) * wide.width + left;
+    std::fill(row, row + camera.width, std::numeric_limits<float>::infinity());
+  }
 }
 
 void take_back_slivers(render::Picture& cut, const render::Picture& again) {
   for (size_t i = 0; i < cut.rgba.size(); i += 4) {
     if (cut.rgba[i] == kInside && again.rgba[i] == kOutside) cut.rgba[i] = kOutside;
   }
+}
+
+bool stands_free(const render::Captured& captured, const Camera& camera, const glm::dvec3& up) {
+  const double reach = camera.near_plane * camera.s;
+  std::atomic<bool> free = true;
+  parallel_for(captured.triangles(), 16384, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end && free; ++i) {
+      const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * i)];
+      const Triangle t{{{v[0].x, v[0].y, v[0].z}, {v[1].x, v[1].y, v[1].z}, {v[2].x, v[2].y, v[2].z}}};
+      if (meets(t, up) || closest_on_triangle(t, glm::dvec3(0.0)).distance <= reach) free = false;
+    }
+  });
+  return free;
 }
 
 CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference, int width, int height,

@@ -18,7 +18,7 @@
 namespace lodlab::instrument {
 
 struct CrackPixels {
-  double pixels = kUndefined;      ///< nan: not decided, below kLeastMaskShare
+  double pixels = kUndefined;      ///< nan: not decided
   double mask_share = kUndefined;  ///< eroded pixels by covered reference pixels; nan: nothing covered
 };
 
@@ -45,14 +45,22 @@ Camera nudged(const Camera& camera, double right, double down);
 /// empty, has another depth.
 void leave_out_voids(render::Picture& classes, const render::Picture& seen);
 
+/// Empties the middle of the depths of `wide`, which `camera` sees: its own picture has them.
+void keep_margin(std::vector<float>& depth, const Camera& wide, const Camera& camera);
+
 /// Takes back inside pixels of `cut` where `again` shows the outside. Near the edge of a ridge the
 /// rasterizer's own grid (1/256 pixel) lets a far slope through where the near one ends within that grid;
 /// seen from a camera nudged by kNudge pixels it is gone, and a crack of twice that width is not.
 void take_back_slivers(render::Picture& cut, const render::Picture& again);
 inline constexpr double kNudge = 1.0 / 64.0;
 
+/// Whether the drawn surface leaves the eye free: nothing of it is as near as the near plane's corners, and
+/// nothing hangs over the eye. Otherwise its inside shows, or what lies behind it, and is no crack. `up` is
+/// local up there.
+bool stands_free(const render::Captured& captured, const Camera& camera, const glm::dvec3& up);
+
 /// Of the middle of two pictures of one size (else InvalidInput), `width` x `height` pixels. `error_px`: the
-/// largest finite error that a pixel of the reference sees; nan where none sees any.
+/// largest finite error that a pixel of the reference sees, margin included; nan where none sees any.
 CrackPixels crack_pixels(const render::Picture& cut, const render::Picture& reference, int width, int height,
                          double error_px);
 

@@ -54,7 +54,7 @@ const Seen& Reference::seen() const {
 }
 
 int64_t Reference::bytes() const {
-  const size_t floats = shade.depth.size() + 5 * shade.rgba.size() / 4;
+  const size_t floats = shade.depth.size() + classes.depth.size() + 5 * shade.rgba.size() / 4;
   return static_cast<int64_t>(shade.rgba.size() + classes.rgba.size() + floats * sizeof(float));
 }
 
@@ -65,9 +65,11 @@ std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
   out->camera = camera;
   out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
   const Camera wide = with_margin(camera);
-  out->classes = render::draw_picture(wide, render::Show::kClass, draw_full, has_voids());
-  if (!has_voids()) return out;
-  leave_out_voids(out->classes, render::draw_picture(wide, render::Show::kShade, draw_full));
+  out->classes = render::draw_picture(wide, render::Show::kClass, draw_full);
+  if (has_voids()) {
+    leave_out_voids(out->classes, render::draw_picture(wide, render::Show::kShade, draw_full));
+  }
+  keep_margin(out->classes.depth, wide, camera);
   return out;
 }
 

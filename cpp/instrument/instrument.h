@@ -24,7 +24,7 @@ inline constexpr int64_t kMostPictureSamples = 32'000'000;
 struct Reference {
   Camera camera;
   render::Picture shade;    ///< with depth
-  render::Picture classes;  ///< Show::kClass, wider by a margin, less voids: see crack_pixels.h
+  render::Picture classes;  ///< Show::kClass, wider by a margin with depth, less voids: see crack_pixels.h
 
   /// What FLIP sees of `shade`; made by the first cut that is compared, for all others too.
   const Seen& seen() const;

@@ -224,13 +224,16 @@ const CrackPixels& Measurement::cracks() {
   return kept(cracks_, [&]() -> CrackPixels {
     if (subject_.reference == nullptr) return {};
     const Camera camera = with_margin(subject_.camera);
+    const render::Picture& wanted = subject_.reference->classes;
+    const double error_px =
+        std::fmax(pixels().finite_max, pixel_error(field(), grid(), surface(), wanted, camera).finite_max);
     const auto classes = [&](const Camera& from) {
       return render::draw_picture(from, render::Show::kClass, subject_.draw, false);
     };
     render::Picture picture = classes(camera);
     const auto found = [&] {
-      return lodlab::instrument::crack_pixels(picture, subject_.reference->classes, subject_.camera.width,
-                                              subject_.camera.height, pixels().finite_max);
+      return lodlab::instrument::crack_pixels(picture, wanted, subject_.camera.width, subject_.camera.height,
+                                              error_px);
     };
     CrackPixels out = found();
     for (int i = 0; i < 4 && out.pixels > 0; ++i) {
@@ -238,6 +241,8 @@ const CrackPixels& Measurement::cracks() {
       take_back_slivers(picture, classes(nudged(camera, right, down)));
       out = found();
     }
+    const glm::dvec3 up = up_at(grid(), glm::dvec3(0.0), subject_.camera.eye);
+    if (out.pixels > 0 && !stands_free(whole(), camera, up)) out.pixels = kUndefined;
     return out;
   });
 }

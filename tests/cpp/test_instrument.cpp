@@ -651,10 +651,39 @@ TEST_CASE("a filled void is not looked at for cracks") {
   seen.depth[45] = std::nextafter(7.0f, 8.0f);              // through a void to what lies behind
   seen.depth[46] = std::numeric_limits<float>::infinity();  // to nothing
   leave_out_voids(classes, seen);
-  CHECK(classes.depth.empty());
   std::vector<int> found;
   for (int i = 43; i < 48; ++i) found.push_back(classes.rgba[4 * i]);
   CHECK(found == std::vector<int>{255, 0, 128, 128, 255});
+}
+
+TEST_CASE("the margin alone keeps its depths") {
+  Camera wide = from_above(), camera = from_above();
+  wide.width = 7, wide.height = 6, camera.width = 3, camera.height = 4;
+  std::vector<float> depth(42, 5.0f);
+  keep_margin(depth, wide, camera);
+  for (int i = 0; i < 42; ++i) {
+    const int x = i % 7, y = i / 7;
+    CHECK(std::isinf(depth[size_t(i)]) == (x >= 2 && x < 5 && y >= 1 && y < 5));
+  }
+}
+
+TEST_CASE("an eye stands free of what hangs over it and of what its near plane cuts") {
+  Camera camera = from_above();
+  camera.near_plane = 1.0;
+  camera.s = 1.5;
+  const auto free = [&](float x, float z) {
+    render::Captured captured;
+    for (const auto& [east, north] : {std::pair{0.0f, 0.0f}, {4.0f, 0.0f}, {0.0f, 4.0f}}) {
+      captured.vertices.push_back({x + east, north - 1.0f, z, 0.0f, 0.0f, 0, 0});
+    }
+    return stands_free(captured, camera, {0.0, 0.0, 1.0});
+  };
+  CHECK(free(-1.0f, -1.6f));
+  CHECK(!free(-1.0f, -1.4f));
+  CHECK(!free(-1.0f, 100.0f));
+  CHECK(free(0.1f, 100.0f));
+  CHECK(!free(1.4f, 0.0f));
+  CHECK(free(1.6f, 0.0f));
 }
 
 TEST_CASE("a silhouette just outside the picture erodes it") {

@@ -20,7 +20,7 @@ ABOVE = from_above((0.0, 0.0, UP))
 GROUND = square(192.0, 6)
 REACH = (-192.0, 192.0)
 MARGIN = 6  # pixels round a picture that are drawn to see what ends there
-FARTHEST = math.hypot(0.5 * SIDE - 0.5, 0.5 * SIDE - 0.5)  # of a pixel's centre from the picture's, pixels
+FARTHEST = math.sqrt(2.0) * (0.5 * SIDE + MARGIN - 0.5)  # of a pixel's centre from the picture's, pixels
 
 
 def _off(z: float) -> float:
@@ -82,7 +82,7 @@ def _junctions() -> list[Case]:
     width = UP * 32.0 / 112.0 - 32.0
     u, v = np.meshgrid(np.arange(8) + 0.5, np.arange(SIDE) + 0.5 - 0.5 * SIDE)
     # The raised half is off by 16 (1 - (x + |y|) / 256) metres: more pixels than the margin is wide.
-    right, up = pixel_offsets()
+    right, up = pixel_offsets(SIDE + 2 * MARGIN, SIDE + 2 * MARGIN)
     deviation = np.where(right > 32.0, 16.0 * (1.0 - (right - 32.0 + np.abs(up)) / 256.0), 0.0)
     rows = _within(1.0 + float(np.max(np.hypot(right, up) * deviation / (UP - deviation))))
     clear = int(np.count_nonzero(np.abs(v) < np.minimum(256.0 * (1.0 - u / width), 0.5 * rows)))
@@ -113,9 +113,9 @@ def _doubled() -> Case:
 
 def _insides() -> list[Case]:
     # Level, 16 m up: ground from y = 32 to 256 shows from row 128 + 128 * 16 / 256 = 136 to 128 + 64 = 192. In front
-    # of it, where the source has no sample, hangs a slope from 16 m above the eye, whose underside fills all rays.
+    # of it, where the source has no sample and not over the eye, a slope falls whose underside fills all rays.
     ground = sheet((-320.0, 320.0), (32.0, 256.0), (8, 11))
-    slope = sheet((-8192.0, 8192.0), (-256.0, 16.0), (2, 2), lambda x, y: 32.0 - 4.0 * y)
+    slope = sheet((-8192.0, 8192.0), (2.0, 16.0), (2, 2), lambda x, y: 1000.0 - 143.0 * (y - 2.0))
     rows = sum(min(row - 135, 192 - row) > 1.0 for row in range(136, 192))
     inside = Case(
         "the inside of the surface, seen instead of ground",
