@@ -66,9 +66,13 @@ DrawnSurface::DrawnSurface(const HeightField& field, const SampleGrid& grid, con
                        " captured vertices; three a triangle are needed");
   }
   if (worst_of_triangle != nullptr) worst_of_triangle->assign(captured.vertices.size() / 3, -1.0f);
-  const SurfaceWriter writer(field, grid, keys_);
+  std::vector<uint32_t> unsure(field.planet ? keys_.size() : 0, SurfaceWriter::kNothing);
+  const SurfaceWriter writer(field, grid, keys_, unsure);
   if (field.planet) {
-    rasterize(PlanetRasterizer(field, grid, captured.eye), captured, writer, worst_of_triangle);
+    rasterize(PlanetRasterizer(grid, captured.eye), captured, writer, worst_of_triangle);
+    for (size_t i = 0; i < keys_.size(); ++i) {
+      if (keys_[i] == 0 && unsure[i] != SurfaceWriter::kNothing) keys_[i] = unsure[i];
+    }
     for (const int64_t row : {int64_t{0}, field.rows - 1}) {
       if (grid.is_pole(row))
         std::fill_n(keys_.begin() + row * field.cols, field.cols, keys_[row * field.cols]);

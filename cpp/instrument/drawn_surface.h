@@ -5,7 +5,9 @@
 //
 // Drawn vertices are floats relative to the eye. A vertex that lies within world_slack() of a sample's
 // horizontal position (planets: direction) is taken to be at it: then shared edges are exact, and rounding
-// on a steep slope is not mistaken for error. Other triangles cover what lies within the slack of them.
+// on a steep slope is not mistaken for error. Other triangles cover what lies within the slack of them. On a
+// planet, where columns may fall together, they cover that for sure that lies farther inside than the slack,
+// at any height that they have within it of a sample; of those that cover a sample perhaps the best counts.
 #pragma once
 
 #include <bit>

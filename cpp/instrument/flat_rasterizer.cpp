@@ -104,7 +104,7 @@ void FlatRasterizer::fill(const Corner (&corners)[3], SurfaceWriter& out) const 
       // Within the slack outside: the height of the nearest weights, never an extrapolation.
       const double ia = std::max(wa, 0.0), ib = std::max(wb, 0.0), ic = std::max(wc, 0.0);
       const double z = a.z + (ib * (b->z - a.z) + ic * (c->z - a.z)) / (ia + ib + ic);
-      out.put(static_cast<int64_t>(r), static_cast<int64_t>(col), z);
+      out.put(static_cast<int64_t>(r), static_cast<int64_t>(col), z, z);
     }
   }
 }

@@ -33,47 +33,6 @@ Edge make_edge(const glm::dvec3& from, const glm::dvec3& to, double slack, doubl
 
 }  // namespace
 
-/// Beside a pole columns lie closer than twice the slack, from the sample to a place that is drawn within it
-/// of where it belongs: their heights are not told apart. Windows double until they hold all of those
-/// columns.
-PlanetRasterizer::PlanetRasterizer(const HeightField& field, const SampleGrid& grid, const glm::dvec3& eye)
-    : field_(field), grid_(grid), eye_(eye), together_(static_cast<size_t>(field.rows)) {
-  for (int64_t row = 0; row < field.rows; ++row) {
-    const glm::dvec3 up = grid.up(row, 0);
-    const double across = std::hypot(up.x, up.y);  // of the row's circle, of radius 1
-    double slack = 0.0;                            // of places on that circle, at most
-    for (const double radius : {field.radius + field.z_min, field.radius + field.z_max}) {
-      const double distance = glm::distance(radius * up, eye) + 2.0 * radius * across;
-      slack = std::max(slack,
-                       2.0 * vertex_slack(field, {distance, 0.0, 0.0}, eye) / (field.radius + field.z_min));
-    }
-    const double column = across * field.dlon * kRadiansPerDegree;
-    if (grid.is_pole(row) || column > slack) continue;
-    std::vector<Heights>& heights = together_[static_cast<size_t>(row)];
-    for (int64_t col = 0; col < field.cols; ++col)
-      heights.push_back({field.at(row, col), field.at(row, col)});
-    for (int64_t step = 1, reach = 0; reach < field.cols && static_cast<double>(reach) * column < slack;
-         reach += step, step *= 2) {
-      const std::vector<Heights> before = heights;
-      for (int64_t col = 0; col < field.cols; ++col) {
-        for (const int64_t other : {col - step, col + step}) {
-          if (!field.wraps && (other < 0 || other >= field.cols)) continue;
-          const Heights& more = before[static_cast<size_t>((other % field.cols + field.cols) % field.cols)];
-          Heights& out = heights[static_cast<size_t>(col)];
-          out = {std::min(out.low, more.low), std::max(out.high, more.high)};
-        }
-      }
-    }
-  }
-}
-
-PlanetRasterizer::Heights PlanetRasterizer::source(int64_t row, int64_t col) const {
-  const std::vector<Heights>& together = together_[static_cast<size_t>(row)];
-  if (!together.empty()) return together[static_cast<size_t>(col)];
-  const auto height = static_cast<float>(grid_.height(field_, row, col));
-  return {height, height};
-}
-
 /// Where rays meet the plane of a triangle.
 struct PlanetRasterizer::Plane {
   glm::dvec3 normal;
@@ -144,9 +103,9 @@ double PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray,
     const int to = (from + 1) % 3;
     const glm::dvec3 &a = c[from].up, &b = c[to].up, normal = glm::cross(a, b - a);
     // Where the ray, moved into the plane of the centre and the edge, passes it.
-    const double at_a = std::max(0.0, glm::dot(glm::cross(ray, b), normal));
+    double at_a = std::max(0.0, glm::dot(glm::cross(ray, b), normal));
     const double at_b = std::max(0.0, glm::dot(glm::cross(a, ray), normal));
-    if (!(at_a + at_b > 0.0)) continue;
+    if (!(at_a + at_b > 0.0)) at_a = 1.0;  // both ends are one place
     const glm::dvec3 gap = ray - glm::normalize(at_a * a + at_b * b);
     if (!(glm::dot(gap, gap) < least)) continue;
     least = glm::dot(gap, gap);
@@ -155,7 +114,7 @@ double PlanetRasterizer::to_nearest(const Corner (&c)[3], const glm::dvec3& ray,
     weights[3 - from - to] = 0.0;
   }
   std::copy(weights, weights + 3, w);
-  return std::isfinite(least) ? std::sqrt(least) : 0.0;
+  return std::sqrt(least);
 }
 
 PlanetRasterizer::Range PlanetRasterizer::range(const Corner (&c)[3]) const {
@@ -237,9 +196,10 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
   const glm::dvec3 b = c[1].up - c[0].up, d = c[2].up - c[0].up;
   const double area = glm::dot(c[0].up, glm::cross(b, d));  // of directions: heights make nothing thin
   const double longest = std::max({glm::dot(b, b), glm::dot(d, d), glm::dot(d - b, d - b)});
-  if (!(std::abs(area) > 1e-12 * longest)) return;
-  const double sign = area > 0.0 ? 1.0 : -1.0;
   const double slack = std::max({c[0].slack, c[1].slack, c[2].slack});
+  const bool thin = !(std::abs(area) > 1e-12 * longest);
+  if (thin && slack == 0.0) return;  // a wall; rounding leaves nothing more of triangles narrower than it
+  const double sign = area > 0.0 ? 1.0 : -1.0;
   const Edge edges[3] = {make_edge(c[1].up, c[2].up, slack, sign), make_edge(c[2].up, c[0].up, slack, sign),
                          make_edge(c[0].up, c[1].up, slack, sign)};
   const glm::dvec3 at = c[0].radius * c[0].up;
@@ -254,25 +214,26 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
       const int64_t col = frame.wraps ? ((i % frame.cols) + frame.cols) % frame.cols : i;
       const glm::dvec3 ray = grid_.up(row, col);
       double w[3];
-      bool inside = true, off = false;
+      bool inside = true, off = thin, sure = !thin;
       for (int e = 0; e < 3; ++e) {
         w[e] = glm::dot(ray, edges[e].normal);
         inside = inside && w[e] >= -edges[e].reach;
         off = off || w[e] < 0.0;
+        sure = sure && w[e] > edges[e].reach;
       }
-      if (!inside || !(w[0] + w[1] + w[2] > 0.0)) continue;  // negative on the far side of the planet
+      if (!inside) continue;
+      const bool far_side = !(w[0] + w[1] + w[2] > 0.0);
+      if (far_side && (slack == 0.0 || !off)) continue;
       const double gap = off ? to_nearest(c, ray, w) : 0.0;
       for (int e = 0; e < 3; ++e) w[e] *= across[e];
       const double sum = w[0] + w[1] + w[2];
       const double height = glm::length(at + (w[1] * to_b + w[2] * to_d) / sum) - frame.radius;
       if (slack == 0.0) {
-        out.put(row, col, height);
+        out.put(row, col, height, height);
       } else if (gap <= slack + kOnEdge) {
-        const glm::dvec2 drawn = plane.within(ray, slack) - frame.radius;
-        const Heights source = this->source(row, col);
-        out.put_deviation(row, col,
-                          std::max(0.0, std::min(drawn.x, height) - source.high) +
-                              std::min(0.0, std::max(drawn.y, height) - source.low));
+        const glm::dvec2 within = plane.within(ray, slack) - frame.radius;
+        const double low = std::min(within.x, height), high = std::max(within.y, height);
+        sure ? out.put(row, col, low, high) : out.put_unsure(row, col, low, high);
       }
     }
   }

@@ -12,18 +12,20 @@ namespace lodlab::instrument {
 /// Takes the drawn heights of one triangle's samples; one a thread.
 class SurfaceWriter {
  public:
-  SurfaceWriter(const HeightField& field, const SampleGrid& grid, std::vector<uint32_t>& keys)
-      : field_(field), grid_(grid), keys_(keys) {}
+  /// `keys`: DrawnSurface's, 0 where nothing is. `unsure`: as many, kNothing where nothing is.
+  SurfaceWriter(const HeightField& field, const SampleGrid& grid, std::vector<uint32_t>& keys,
+                std::vector<uint32_t>& unsure)
+      : field_(field), grid_(grid), keys_(keys), unsure_(unsure) {}
+
+  static constexpr uint32_t kNothing = ~0u;
 
   void start_triangle() { worst_ = -1.0f; }
   float worst() const { return worst_; }
 
-  void put(int64_t row, int64_t col, double drawn_height) {
-    put_deviation(row, col, drawn_height - grid_.height(field_, row, col));
-  }
-  void put_deviation(int64_t row, int64_t col, double drawn_minus_source) {
+  /// A sample that the triangle covers, at a height between these: the worst counts.
+  void put(int64_t row, int64_t col, double low, double high) {
     const size_t sample = static_cast<size_t>(row * field_.cols + col);
-    const float deviation = static_cast<float>(drawn_minus_source);
+    const float deviation = this->deviation(row, col, low, high);
     const uint32_t key = DrawnSurface::encode(deviation);
     const std::atomic_ref<uint32_t> slot(keys_[sample]);
     uint32_t seen = slot.load(std::memory_order_relaxed);
@@ -32,10 +34,25 @@ class SurfaceWriter {
     if (field_.valid == nullptr || field_.valid[sample] != 0) worst_ = std::max(worst_, std::abs(deviation));
   }
 
+  /// One that it or a neighbour covers: the best counts, where no triangle covers it for sure.
+  void put_unsure(int64_t row, int64_t col, double low, double high) {
+    const uint32_t key = DrawnSurface::encode(deviation(row, col, low, high));
+    const std::atomic_ref<uint32_t> slot(unsure_[static_cast<size_t>(row * field_.cols + col)]);
+    uint32_t seen = slot.load(std::memory_order_relaxed);
+    while (seen > key && !slot.compare_exchange_weak(seen, key, std::memory_order_relaxed)) {
+    }
+  }
+
  private:
+  float deviation(int64_t row, int64_t col, double low, double high) const {
+    const double source = grid_.height(field_, row, col);
+    return static_cast<float>(low > source ? low - source : std::min(high - source, 0.0));
+  }
+
   const HeightField& field_;
   const SampleGrid& grid_;
   std::vector<uint32_t>& keys_;
+  std::vector<uint32_t>& unsure_;
   float worst_ = -1.0f;
 };
 
@@ -64,11 +81,11 @@ class FlatRasterizer {
 };
 
 /// Rasterizes one triangle of a planet: samples' rays from the centre against it. Where a corner is at no
-/// sample for sure, what is drawn may lie the slack away: there a sample deviates by what no place within the
-/// slack explains.
+/// sample for sure, the triangle belongs within the slack of where it is drawn: it covers for sure what is
+/// farther inside, at any height that it has within the slack.
 class PlanetRasterizer {
  public:
-  PlanetRasterizer(const HeightField& field, const SampleGrid& grid, const glm::dvec3& eye);
+  PlanetRasterizer(const SampleGrid& grid, const glm::dvec3& eye) : grid_(grid), eye_(eye) {}
   void draw(TriangleVertices vertices, SurfaceWriter& out) const;
 
  private:
@@ -82,20 +99,13 @@ class PlanetRasterizer {
   struct Range {
     int64_t row_lo, row_hi, col_lo, col_hi;  ///< columns of a planet that wraps may lie outside [0, cols)
   };
-  struct Heights {
-    float low, high;
-  };
   struct Plane;
   Corner corner(const render::CapturedVertex& vertex) const;
   Range range(const Corner (&corners)[3]) const;
-  /// Of the source, within the slack of a sample along its row.
-  Heights source(int64_t row, int64_t col) const;
   static double to_nearest(const Corner (&corners)[3], const glm::dvec3& ray, double (&weights)[3]);
 
-  const HeightField& field_;
   const SampleGrid& grid_;
   glm::dvec3 eye_;
-  std::vector<std::vector<Heights>> together_;  ///< by row; none where columns lie apart
 };
 
 }  // namespace lodlab::instrument
