@@ -197,7 +197,7 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
   const double area = glm::dot(c[0].up, glm::cross(b, d));  // of directions: heights make nothing thin
   const double longest = std::max({glm::dot(b, b), glm::dot(d, d), glm::dot(d - b, d - b)});
   const double slack = std::max({c[0].slack, c[1].slack, c[2].slack});
-  const bool thin = !(std::abs(area) > 1e-12 * longest);
+  const bool thin = !(std::abs(area) > std::max(1e-12 * longest, kOnEdge * std::sqrt(longest)));
   if (thin && slack == 0.0) return;  // a wall; rounding leaves nothing more of triangles narrower than it
   const double sign = area > 0.0 ? 1.0 : -1.0;
   const Edge edges[3] = {make_edge(c[1].up, c[2].up, slack, sign), make_edge(c[2].up, c[0].up, slack, sign),

@@ -46,7 +46,9 @@ int SampleGrid::borders(const glm::dvec3& relative, const glm::dvec3& eye) const
     slack = grid_slack(frame_, relative, eye);
   }
   const auto on = [&](int axis, int64_t line) {
-    return std::abs(at[axis] - static_cast<double>(line)) * step[axis] <= slack[axis];
+    double away = at[axis] - static_cast<double>(line);
+    if (frame_.planet && axis == 0) away = std::remainder(away, 360.0 / frame_.dlon);  // beside a pole
+    return std::abs(away) * step[axis] <= slack[axis];
   };
   int bits = 0;
   if (on(1, 0) && !is_pole(0)) bits |= 1;

@@ -130,3 +130,19 @@ def test_an_error_is_seen_where_columns_fall_together(tmp_path: Path) -> None:
     view = _core.View(tuple(1.1 * at), tuple(at), size=(64, 48))
     found = ground.instrument.examine_parts([(session, session.select(view, PX1))], view, pictures=False)
     assert abs(found.measured_max - 0.25) < 0.01
+
+
+def test_a_pole_is_on_both_ends_of_a_patch_that_goes_almost_round(tmp_path: Path) -> None:
+    """Rounded, the pole lies at any longitude: round the long way that was farther from a border than the slack."""
+    ground = Ground(lod.HeightField(np.zeros((3, 8)), planet=True, degrees=(20.0, 90.0, 50.0, 0.35)), tmp_path)
+    for k in range(40):
+        ground.is_whole(np.array([1e5 + 7e3 * k, 2e5 - 3e3 * k, 6.5e6]), ground.sample(1, 3))
+
+
+def test_a_fan_thinner_than_doubles_tell_is_no_error(tmp_path: Path) -> None:
+    """Columns a micrometre apart and cliffs between: multigrain's fans along the border row are lines, and were
+    measured as triangles of what doubles leave over."""
+    heights = 0.01 * np.random.default_rng(2).normal(size=(17, 44))
+    field = lod.HeightField(heights, planet=True, radius=100.0, degrees=(-147.0, -11.4, 4e-7, 4.6e-4))
+    store = lod.build(field, "multigrain", tmp_path / "m.lod", progress=False)
+    assert len(lod.instrument.audit(store, cuts=5, progress=False).broken) == 0

@@ -198,6 +198,14 @@ def test_by_a_pole_no_bound_is_more_than_the_relief(tmp_path) -> None:
     assert store.nodes["error"].max() < 900.1
 
 
+def test_slopes_of_a_million_take_no_digits_from_bounds(tmp_path) -> None:
+    """Columns a micrometre apart, heights of metres: samples on snapped edges were taken to lie beside them."""
+    heights = np.random.default_rng(2).normal(size=(17, 44))
+    field = lod.HeightField(heights, planet=True, radius=100.0, degrees=(-147.0, -11.4, 4e-7, 4.6e-4))
+    store = lod.build(field, "multigrain", tmp_path / "steep.lod", progress=False)
+    assert len(lod.instrument.audit(store, cuts=5, progress=False).broken) == 0
+
+
 @pytest.mark.parametrize("radius", [500.0, 6371000.0])
 def test_an_eye_on_a_sample_of_a_patch_finds_no_crack_of_the_lattice(radius: float, tmp_path) -> None:
     """There floats are finer than the lattice of positions, which the slack of the instrument counts as well."""

@@ -256,29 +256,26 @@ class PlanetMeasurer : public Measurer {
 
 void PlanetMeasurer::measure_triangle(const std::array<Vertex, 3>& corners, double& worst) const {
   if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) return;
-  glm::dvec3 p[3];
+  glm::dvec3 p[3], at[3];
   int poles = 0;
   for (size_t i = 0; i < 3; ++i) {
-    p[i] = radius(corners[i]) * direction(corners[i]);
+    at[i] = direction(corners[i]);
+    p[i] = radius(corners[i]) * at[i];
     poles += is_pole(row0_ + corners[i].row);
   }
   if (poles > 1) return;
-  const glm::dvec3 u = p[1] - p[0], v = p[2] - p[0];
-  glm::dvec3 normal = glm::cross(u, v);
-  double volume = glm::dot(normal, p[0]);
-  const double longest = std::max({glm::dot(u, u), glm::dot(v, v), glm::dot(v - u, v - u)});
-  if (!(std::abs(volume) > 1e-13 * longest * field_.radius)) return;  // it has collapsed
-  const double sign = volume > 0.0 ? 1.0 : -1.0;
-  normal *= sign;
-  volume *= sign;
-  const glm::dvec3 edges[3] = {sign * glm::cross(p[1], p[2] - p[1]), sign * glm::cross(p[2], p[0] - p[2]),
-                               sign * glm::cross(p[0], u)};
+  // Of directions: heights, however steep, take no digits from the planes of edges.
+  const glm::dvec3 sides[3] = {at[2] - at[1], at[0] - at[2], at[1] - at[0]};
+  const double area = glm::dot(at[0], glm::cross(sides[1], sides[2]));
+  const double chord =
+      std::max({glm::dot(sides[0], sides[0]), glm::dot(sides[1], sides[1]), glm::dot(sides[2], sides[2])});
+  if (!(std::abs(area) > 1e-13 * chord)) return;  // it has collapsed
+  const double sign = area > 0.0 ? 1.0 : -1.0;
+  const glm::dvec3 edges[3] = {sign * glm::cross(at[1], sides[0]), sign * glm::cross(at[2], sides[1]),
+                               sign * glm::cross(at[0], sides[2])};
+  const glm::dvec3 u = p[1] - p[0], v = p[2] - p[0], normal = sign * glm::cross(u, v);
+  const double volume = glm::dot(normal, p[0]);
   const auto [nearest, farthest] = std::minmax({radius(corners[0]), radius(corners[1]), radius(corners[2])});
-  double chord = 0.0;  // squared, between directions of corners
-  for (size_t i = 0; i < 3; ++i) {
-    const glm::dvec3 d = direction(corners[i]) - direction(corners[(i + 1) % 3]);
-    chord = std::max(chord, glm::dot(d, d));
-  }
   double slack[3];
   for (int i = 0; i < 3; ++i)
     slack[i] = (kOnEdge + 2.0 * lattice_error_ / nearest) *
