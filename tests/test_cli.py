@@ -400,7 +400,7 @@ def test_export_refuses_other_kinds(say, store, folder):
         (["build", SOURCE, "chunked", "x" * 300 + ".lod"], ("too long",)),
         (["build", "nowhere.tif", "chunked", "{out}"], ("nowhere.tif", "jacksboro")),
         (["build", "fractal:sise=65", "chunked", "{out}"], ("sise", "size")),
-        (["fly", "{store}", "--out", "{out}"], ("none set", "pixel_error, triangles, nodes")),
+        (["fly", "{store}", "--out", "{out}"], ("none set", "--pixel-error, --triangles, --nodes")),
         (["fly", "{store}", "--out", "{out}", "--pixel-error", "0"], ("pixel_error",)),
         (["fly", "{store}", "--out", "{out}", "--pixel-error", "nan"], ("pixel_error",)),
         (["fly", "{store}", "--out", "{out}", "--pixel-error", "x"], ("pixel-error",)),

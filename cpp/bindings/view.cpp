@@ -58,6 +58,23 @@ glm::dvec3 vector(const std::string& name, const py::handle& object) {
   return {v[0], v[1], v[2]};
 }
 
+/// Refuses arguments that there are none of, naming those there are, and the one that has these letters in
+/// this order (px: pixel_error).
+void refuse_unknown(const std::string& what, const py::kwargs& given,
+                    std::initializer_list<std::string> known) {
+  if (given.empty()) return;
+  const std::string wrong = given.begin()->first.cast<std::string>();
+  std::string all, meant;
+  for (const std::string& name : known) {
+    size_t at = 0;
+    for (const char letter : name) at += at < wrong.size() && letter == wrong[at] ? 1 : 0;
+    if (meant.empty() && at == wrong.size() && name[0] == wrong[0]) meant = name;
+    all += (all.empty() ? "" : ", ") + name;
+  }
+  throw InvalidInput(what + ": no argument '" + wrong + "'; there are " + all +
+                     (meant.empty() ? "" : " (did you mean " + meant + "?)"));
+}
+
 /// Sides too large for an int are out of any range: make_camera says so.
 int side(int64_t value) {
   return static_cast<int>(
@@ -65,13 +82,14 @@ int side(int64_t value) {
 }
 
 View make_view(const py::object& eye, const py::object& target, const py::object& up, const py::object& fov,
-               const py::object& size, const py::object& near) {
+               const py::object& size, const py::object& near, const py::kwargs& unknown) {
+  refuse_unknown("view", unknown, {"eye", "target", "up", "fov", "size", "near"});
   View view;
   view.eye = vector("view: eye", eye);
   view.target = vector("view: target", target);
   view.up = vector("view: up", up);
   view.fov = number("view: fov", fov);
-  const auto sides = several<int64_t, 2>("view: size", size, whole);
+  const auto sides = several<int64_t, 2>("view: size (width, height)", size, whole);
   view.width = side(sides[0]);
   view.height = side(sides[1]);
   if (!near.is_none()) {
@@ -110,7 +128,9 @@ std::string view_text(const View& view) {
          ", fov=" + text_of(a[3]) + ", size=" + text_of(a[4]) + ", near=" + text_of(a[5]) + ")";
 }
 
-Budget make_budget(const py::object& pixel_error, const py::object& triangles, const py::object& nodes) {
+Budget make_budget(const py::object& pixel_error, const py::object& triangles, const py::object& nodes,
+                   const py::kwargs& unknown) {
+  refuse_unknown("budget", unknown, {"pixel_error", "triangles", "nodes"});
   Budget budget;
   if (!pixel_error.is_none()) {
     budget.pixel_error = number("budget: pixel_error", pixel_error);
@@ -176,7 +196,7 @@ void bind_view(py::module_& m) {
       .def("__hash__", [](const View& v) { return py::hash(arguments(v)); })
       .def("__repr__", &view_text)
       .def(py::pickle([](const View& v) { return arguments(v); },
-                      [](const py::tuple& a) { return make_view(a[0], a[1], a[2], a[3], a[4], a[5]); }));
+                      [](const py::tuple& a) { return make_view(a[0], a[1], a[2], a[3], a[4], a[5], {}); }));
   py::class_<Budget>(m, "Budget", "What a frame may spend; immutable.")
       .def(py::init(&make_budget), py::arg("pixel_error") = py::none(), py::arg("triangles") = py::none(),
            py::arg("nodes") = py::none(), "Each optional, above 0; triangles and nodes are hard limits.")
@@ -189,7 +209,7 @@ void bind_view(py::module_& m) {
       .def("__hash__", [](const Budget& b) { return py::hash(arguments(b)); })
       .def("__repr__", &budget_text)
       .def(py::pickle([](const Budget& b) { return arguments(b); },
-                      [](const py::tuple& a) { return make_budget(a[0], a[1], a[2]); }));
+                      [](const py::tuple& a) { return make_budget(a[0], a[1], a[2], {}); }));
 }
 
 }  // namespace lodlab

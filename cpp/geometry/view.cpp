@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "geometry/view.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <string>
 
@@ -11,6 +12,13 @@ namespace lodlab {
 namespace {
 
 constexpr double kFarthest = 1e36;  // coordinates and their differences fit 32-bit floats
+constexpr double kNearest = 1e-36;  // near planes too
+
+std::string text(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.9g", value);
+  return buffer;
+}
 
 std::string text(const glm::dvec3& v) {
   char buffer[96];
@@ -28,25 +36,37 @@ void check(const View& view) {
       throw InvalidInput("view: the point " + text(point) + " is not within 1e36 of the origin");
     }
   }
-  if (!finite(view.up) || glm::length(view.up) == 0.0) {
+  if (!finite(view.up) || view.up == glm::dvec3(0.0)) {
     throw InvalidInput("view: up " + text(view.up) + " is not a finite direction");
   }
   if (!(view.fov >= 1.0 && view.fov <= 170.0)) {
-    throw InvalidInput("view: fov " + std::to_string(view.fov) + " degrees is not within 1 to 170");
+    throw InvalidInput("view: fov " + text(view.fov) + " degrees is not within 1 to 170");
   }
   if (view.width < 1 || view.width > 16384 || view.height < 1 || view.height > 16384) {
     throw InvalidInput("view: size " + std::to_string(view.width) + " x " + std::to_string(view.height) +
                        " is not within 1 to 16384 pixels a side");
   }
-  if (!(view.near_plane >= 0.0 && view.near_plane <= kFarthest)) {
-    char buffer[32];
-    std::snprintf(buffer, sizeof buffer, "%.9g", view.near_plane);
-    throw InvalidInput(std::string("view: near ") + buffer + " is not a distance within 0 to 1e36");
-  }
   if (!(glm::length(view.target - view.eye) > 0.0)) {
     throw InvalidInput("view: eye and target are the same point " + text(view.eye) +
                        ": no direction to look");
   }
+}
+
+/// The near plane of a view whose eye and target are this far apart.
+double near_of(const View& view, double distance) {
+  const double near = view.near_plane != 0.0 ? view.near_plane : 1e-4 * distance;
+  if (near >= kNearest && near <= kFarthest) return near;
+  const char* given = view.near_plane != 0.0 ? "" : " (a ten-thousandth of the way from eye to target)";
+  throw InvalidInput("view: near " + text(near) + given + " is not a distance within 1e-36 to 1e36");
+}
+
+/// The direction of a vector that is finite and not zero: brought near 1, exactly, as squares of 1e200
+/// overflow.
+glm::dvec3 direction_of(const glm::dvec3& v) {
+  const glm::dvec3 a = glm::abs(v);
+  const int exponent = std::ilogb(std::max({a.x, a.y, a.z}));
+  const auto scaled = [&](double x) { return std::ldexp(x, -exponent); };
+  return glm::normalize(glm::dvec3(scaled(v.x), scaled(v.y), scaled(v.z)));
 }
 
 /// The axis of the world least parallel to `direction`, for a camera that looks straight along its up.
@@ -71,13 +91,13 @@ Camera make_camera(const View& view) {
   const glm::dvec3 axis = view.target - view.eye;
   camera.eye = view.eye;
   camera.forward = glm::normalize(axis);
-  glm::dvec3 side = glm::cross(camera.forward, glm::normalize(view.up));
+  glm::dvec3 side = glm::cross(camera.forward, direction_of(view.up));
   if (glm::length(side) < 1e-9) side = glm::cross(camera.forward, other_up(camera.forward));
   camera.right = glm::normalize(side);
   camera.up = glm::cross(camera.right, camera.forward);
   camera.width = view.width;
   camera.height = view.height;
-  camera.near_plane = view.near_plane > 0.0 ? view.near_plane : 1e-4 * glm::length(axis);
+  camera.near_plane = near_of(view, glm::length(axis));
   camera.tan_h = std::tan(0.5 * view.fov * kRadiansPerDegree);
   camera.tan_v = camera.tan_h * view.height / view.width;
   camera.K = view.width / (2.0 * camera.tan_h);

@@ -51,7 +51,8 @@ void set_planes(Camera& camera);
 
 /// Checks the view and derives its camera. Throws InvalidInput naming the value and the limit:
 /// finite numbers, field of view within 1 to 170 degrees, viewport sides from 1 to 16384, eye and
-/// target apart, `up` not zero (when parallel to the view axis another one is taken), near >= 0.
+/// target apart, `up` not zero (when parallel to the view axis another one is taken), near from
+/// 1e-36 to 1e36.
 Camera make_camera(const View& view);
 
 }  // namespace lodlab

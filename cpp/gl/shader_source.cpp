@@ -22,7 +22,8 @@ void append(const std::string& file, const std::string& from, ShaderSource& sour
   if (std::find(source.files.begin(), source.files.end(), file) != source.files.end()) return;
   const std::string path = shader_dir() + "/" + file;
   std::ifstream stream(path);
-  if (!stream) throw GLError("shader " + path + " cannot be read" + from);
+  if (!stream)
+    throw GLError("shader " + path + " cannot be read" + from + " (LODLAB_SHADER_DIR says where else)");
   const size_t number = source.files.size();
   source.files.push_back(file);
   source.text += "#line 1 " + std::to_string(number) + "\n";

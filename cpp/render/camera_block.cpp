@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdio>
 
+#include "base/errors.h"
 #include "geometry/angles.h"
 #include "geometry/coverage.h"
 
@@ -28,9 +30,34 @@ glm::dvec2 eye_on_grid(const glm::dvec3& eye, const FieldFrame& frame) {
   return {(east - 360.0 * std::floor(east / 360.0)) / frame.dlon, (frame.lat0 - latitude) / frame.dlat};
 }
 
+/// The least depth, near / distance, that rasterizers hold: of its last bits (2^-24) a subpixel's share
+/// (2^-16) is no denormal float (2^-126) yet.
+constexpr double kLeastDepth = 1e-25;
+
+/// How far from the eye a field's samples reach, at most.
+double reach(const glm::dvec3& eye, const FieldFrame& frame) {
+  if (frame.planet) return glm::length(eye) + frame.radius + std::max(frame.z_max, 0.0);
+  const glm::dvec3 first = frame.position(0, 0, frame.z_min),
+                   last = frame.position(frame.rows - 1, frame.cols - 1, frame.z_max);
+  return glm::length(glm::max(glm::abs(first - eye), glm::abs(last - eye)));
+}
+
+void check_depth(const Camera& camera, const FieldFrame& frame) {
+  const double least = kLeastDepth * reach(camera.eye, frame);
+  if (camera.near_plane >= least) return;
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "draw: near %.3g is less than 1e-25 of the way to the farthest samples, which leaves no depth "
+      "to tell them apart; it is at least %.3g here",
+      camera.near_plane, least);
+  throw InvalidInput(text);
+}
+
 }  // namespace
 
 CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
+  check_depth(camera, frame);
   CameraBlock block = {};
   const glm::dmat4 clip = camera.clip_from_relative();
   for (int i = 0; i < 16; ++i) block.clip_from_relative[i] = static_cast<float>(clip[i / 4][i % 4]);

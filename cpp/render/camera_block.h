@@ -26,6 +26,7 @@ struct CameraBlock {
 };
 static_assert(sizeof(CameraBlock) == 192);
 
+/// InvalidInput for a near plane so near that the depths of far samples vanish.
 CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame);
 
 }  // namespace lodlab::render

@@ -134,7 +134,7 @@ void PartialLock::publish(bool replace) {
   int code = replace ? -1 : renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE);
   if (code != 0 && !replace && errno == EEXIST) {
     throw StoreError("store " + path_ + ": appeared while it was being built; the new one is kept as " +
-                     partial_ + "; remove the other one, then build with --resume");
+                     partial_ + "; remove the other one, then build with mode=\"resume\"");
   }
   // Some file systems know no rename without replacing.
   if (code != 0 && rename(partial_.c_str(), path_.c_str()) != 0) fail(path_, "rename to it", errno);

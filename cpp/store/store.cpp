@@ -119,7 +119,7 @@ std::string describe_partial(const std::string& partial) {
     reached.clear();
   }
   return "incomplete: its build was interrupted" + (reached.empty() ? "" : " at " + reached) +
-         "; build it again with --resume to go on, or --force to start over";
+         "; build it again with mode=\"resume\" to go on, or mode=\"force\" to start over";
 }
 
 /// Missing, a directory, on its way, or a file that can be read.

@@ -53,7 +53,8 @@ void check_target(const std::string& path, BuildMode mode) {
   if (fs::is_directory(status)) throw StoreError("store " + path + ": is a directory");
   if (!fs::exists(status)) return;
   if (!fs::is_regular_file(status)) throw StoreError("store " + path + ": is not a regular file");
-  if (mode == BuildMode::kNew) throw StoreError("store " + path + ": exists already; --force replaces it");
+  if (mode == BuildMode::kNew)
+    throw StoreError("store " + path + ": exists already; mode=\"force\" replaces it");
 }
 
 struct Connection {
@@ -88,7 +89,7 @@ int64_t single_number(const Database& database, const char* sql) {
 }
 
 [[noreturn]] void refuse_resume(const std::string& partial, const std::string& why) {
-  throw StoreError("cannot resume " + partial + ": " + why + "; build with --force to start over");
+  throw StoreError("cannot resume " + partial + ": " + why + "; build with mode=\"force\" to start over");
 }
 
 void check_agrees(const std::string& partial, const std::map<std::string, std::string>& found,
@@ -165,7 +166,7 @@ StoreWriter::Impl::Impl(const std::string& target, const StoreMeta& store_meta, 
     if (!fresh) fresh = single_number(database, "SELECT count(*) FROM sqlite_schema") == 0;
     if (fresh && !replaces && fs::exists(path)) {
       throw StoreError("store " + path +
-                       ": exists already and nothing is left to resume; --force replaces it");
+                       ": exists already and nothing is left to resume; mode=\"force\" replaces it");
     }
     if (fresh) create_tables(database);
     connection = std::make_unique<Connection>(std::move(database));
@@ -236,7 +237,7 @@ void StoreWriter::Impl::resume(const StoreMeta& store_meta) {
   };
   replaces = value("replaces") == "true";
   if (!replaces && fs::exists(path)) {
-    throw StoreError("store " + path + ": exists already; --force replaces it");
+    throw StoreError("store " + path + ": exists already; mode=\"force\" replaces it");
   }
   seconds_before = seconds_of(value("build_seconds"));
   // A build puts its arrays and meta again; only pages are worth keeping.

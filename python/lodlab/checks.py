@@ -69,7 +69,7 @@ def check(
         raise InvalidInput(f"check: {folder} holds no finished run")
     limits = [*_limits("max", max, frames, summary), *_limits("min", min, frames, summary)]
     if not limits:
-        raise InvalidInput("check: no limits; give at least one, as --max measured_px_max=1")
+        raise InvalidInput("check: no limits; give at least one, as max={'measured_px_max': 1}")
     never_ended = [name for name in planned if name not in set(summary["run"])]
     out: list[Violation] = []
     for column, bound, limit in limits:

@@ -588,6 +588,27 @@ _FILE_MISTAKES = (FileNotFoundError, PermissionError, IsADirectoryError, NotADir
 _NAME_MISTAKES = (errno.ENAMETOOLONG, errno.ELOOP)
 
 
+#: Messages name Python's arguments; here each is said as this program has it.
+SPOKEN = {
+    'mode="force"': "--force",
+    'mode="resume"': "--resume",
+    "force=True": "--force",
+    "source=SOURCE": "--source SOURCE",
+    "accuracy_frames=0": "--accuracy-frames 0",
+    "max={'measured_px_max': 1}": "--max measured_px_max=1",
+    "accuracy_frames is": "--accuracy-frames is",
+    "pixel_error, triangles, nodes": "--pixel-error, --triangles, --nodes",
+}
+
+
+def spoken(message: Any) -> str:
+    """A message as one line that names this program's arguments."""
+    line = " ".join(str(message).split())
+    for python, ours in SPOKEN.items():
+        line = line.replace(python, ours)
+    return line
+
+
 def status_of(error: BaseException) -> tuple[int, str]:
     """(exit status, the one line that says what is wrong)."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):
@@ -616,7 +637,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         nonlocal broken
         promise = isinstance(message, BrokenPromise)
         broken = broken or promise
-        print(("error: " if promise else "warning: ") + " ".join(str(message).split()), file=sys.stderr)
+        print(("error: " if promise else "warning: ") + spoken(message), file=sys.stderr)
 
     with warnings.catch_warnings():
         warnings.showwarning = warn
@@ -638,7 +659,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         if os.environ.get("LODLAB_DEBUG"):
             traceback.print_exc()
         if text:
-            print("error: " + " ".join(text.split()), file=sys.stderr)
+            print("error: " + spoken(text), file=sys.stderr)
         return status
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from . import _core
-from .errors import GLError
+from .errors import GLError, InvalidInput
+from .heightfield import window_samples
 from .results import commit, machine, version
 from .sources import data_folder
 
@@ -36,12 +37,27 @@ def examine() -> Iterator[Finding]:
     memory = host["memory_bytes"] / 2**30
     yield Finding("lodlab", f"{version()}, commit {commit()}", None)
     yield Finding("machine", f"{host['cpu']}, {host['cores']} cores, {memory:.1f} GiB, {host['system']}", None)
-    yield Finding("threads", f"{_core.thread_count()} (LODLAB_THREADS)", None)
+    yield from _settings()
     yield from _libraries()
     yield from _writing()
-    data = data_folder()
-    yield Finding("data folder", str(data) if data else "none (LODLAB_DATA; built-in data needs none)", None)
     yield from _graphics()
+
+
+def _settings() -> Iterator[Finding]:
+    """What the environment says, LODLAB_DEVICE aside."""
+    for what, name, value_of in (
+        ("threads", "LODLAB_THREADS", _core.thread_count),
+        ("samples read at once", "LODLAB_WINDOW_SAMPLES", window_samples),
+    ):
+        try:
+            yield Finding(what, f"{value_of():,} ({name})", None)
+        except InvalidInput as error:
+            yield Finding(what, str(error), False, f"unset {name}, or set it right")
+    data = data_folder()
+    if data is None or data.is_dir():
+        yield Finding("data folder", str(data) if data else "none (LODLAB_DATA; built-in data needs none)", None)
+    else:
+        yield Finding("data folder", f"LODLAB_DATA: no folder {data}", False, "unset LODLAB_DATA, or make that folder")
 
 
 def _libraries() -> Iterator[Finding]:

@@ -189,9 +189,7 @@ def _check_out(out: str | os.PathLike[str] | None, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InvalidInput(f"fit: out is {folder}, a file; it is a run directory")
     if (folder / "frames.csv").exists() and not force:
-        raise InvalidInput(
-            f"fit: {folder} holds runs already; choose another folder, or force (--force) to add to them"
-        )
+        raise InvalidInput(f"fit: {folder} holds runs already; choose another folder, or force=True to add to them")
 
 
 def _rungs(field: HeightField, method: str) -> list[float | None]:

@@ -40,10 +40,9 @@ _ROWS = 256  # that are computed in double together
 def window_samples() -> int:
     """Sources with more samples than this are read by windows: LODLAB_WINDOW_SAMPLES, else 64 million (256 MB)."""
     text = os.environ.get("LODLAB_WINDOW_SAMPLES", "")
-    try:
-        return int(text) if text else WINDOW_SAMPLES
-    except ValueError:
-        raise InvalidInput(f"LODLAB_WINDOW_SAMPLES: {text!r} is not a whole number") from None
+    if text and not text.isdecimal():
+        raise InvalidInput(f"LODLAB_WINDOW_SAMPLES: {text!r} is not a whole number of samples")
+    return int(text) if text else WINDOW_SAMPLES
 
 
 def _text(value: Any) -> str:

@@ -113,11 +113,11 @@ class Flight:
         """InvalidInput for what no run can be made of."""
         for name, value, low in (
             ("frames", self.frames, 1),
-            ("accuracy-frames", self.accuracy_frames, 0),
+            ("accuracy_frames", self.accuracy_frames, 0),
             ("repeat", self.repeat, 1),
         ):
-            if value < low:
-                raise InvalidInput(f"fly: {name} is {value}; it is at least {low}")
+            if not hasattr(value, "__index__") or value < low:
+                raise InvalidInput(f"fly: {name} is {value!r}; it is a whole number, at least {low}")
         if self.images not in IMAGES:
             raise InvalidInput(f"fly: images is {self.images!r}; it is one of {', '.join(IMAGES)}")
         if self.metrics not in MEASURES:

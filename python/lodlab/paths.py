@@ -176,7 +176,7 @@ class CameraPath:
     def named(
         cls, name: str, source: HeightField | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
     ) -> CameraPath:
-        """What `--path` takes: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
+        """What `path` takes by name: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
         text = os.fspath(name)
         if text in BUILT_IN:
             if source is None:

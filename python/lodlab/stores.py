@@ -21,7 +21,7 @@ from .errors import InvalidInput, StoreError
 from .heightfield import HeightField
 from .sources import as_source, load
 
-_PASS = "pass it (--source SOURCE, in Python source=), or measure nothing (--accuracy-frames 0)"
+_PASS = "pass it (source=SOURCE), or measure nothing (accuracy_frames=0)"
 SHOWS = ("shade", "normal", "level", "wire")
 
 

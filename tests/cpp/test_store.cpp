@@ -162,7 +162,7 @@ TEST_CASE("a build is resumed only by the same build") {
   }
   expect_file_refused(path, "incomplete");
   expect_file_refused(path, "bounds 43 %");
-  expect_file_refused(path, "--resume");
+  expect_file_refused(path, "mode=\"resume\"");
   expect_file_refused(path + ".partial", "incomplete");
   const auto differing = [&](auto change) {
     StoreMeta meta = toy_meta();

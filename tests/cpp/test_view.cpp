@@ -121,6 +121,16 @@ TEST_CASE("view: matrix, projection and depth are one camera") {
   CHECK(camera.near_plane == doctest::Approx(1e-4 * glm::length(view.target - view.eye)));
 }
 
+TEST_CASE("view: up is a direction, however long") {
+  View view = north(64);
+  view.up = {0.0, 1.0, 2.0};
+  const glm::dvec3 up = make_camera(view).up;
+  for (const double length : {1e200, 1e-200, 1e-310}) {
+    view.up = length * glm::dvec3(0.0, 1.0, 2.0);
+    CHECK(glm::length(make_camera(view).up - up) < 1e-9);
+  }
+}
+
 TEST_CASE("view: what is no view is refused") {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   const auto refused = [](auto change) {
@@ -137,6 +147,11 @@ TEST_CASE("view: what is no view is refused") {
   refused([&](View& v) { v.height = 100000; });
   refused([&](View& v) { v.target = v.eye; });
   refused([&](View& v) { v.near_plane = -1.0; });
+  refused([&](View& v) { v.near_plane = 1e-40; });
+  refused([&](View& v) {  // near: a ten-thousandth of the way
+    v.target = v.eye + glm::dvec3(1e-34, 0, 0);
+    v.near_plane = 0.0;
+  });
   View straight_up = north(64);
   straight_up.target = {0, 0, 5};
   CHECK_NOTHROW(make_camera(straight_up));

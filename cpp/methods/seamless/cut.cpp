@@ -213,7 +213,7 @@ std::optional<Cut> SeamlessSession::random_cut(uint64_t seed) const {
   View view;
   view.eye = {frame.x0 + uniform(-0.2, 1.2) * width, frame.y0 - uniform(-0.2, 1.2) * height,
               frame.z_max + uniform(0.0, 1.0) * uniform(0.0, 1.0) * std::max(width, height)};
-  view.target = view.eye + glm::dvec3(0.0, 1.0, 0.0);
+  view.target = view.eye + glm::dvec3(0.0, height, 0.0);
   const Projector projector(projection_, make_camera(view));
   const Metric metric{};
   Selector::Scratch scratch;
