@@ -285,6 +285,8 @@ void fill_voids(float* heights, const uint8_t* valid, int64_t rows, int64_t cols
   Spread::run(heights, unknown, rows, cols);
   const float rounding = 4.0f * std::numeric_limits<float>::epsilon() * std::max(std::abs(lo), std::abs(hi));
   Membrane(heights, rows, cols, std::move(unknown)).solve(std::max(1e-5f * (hi - lo), rounding));
+  for (int64_t i = 0; i < rows * cols; ++i)
+    heights[i] = std::clamp(heights[i], lo, hi);  // a membrane stays between
 }
 
 }  // namespace lodlab
