@@ -286,7 +286,7 @@ def test_a_store_without_its_source_says_how_to_pass_it(tmp_path, path, field):
     array = np.asarray(field.heights)
     lod.build(array, "chunked", tmp_path / "array.lod", progress=False)
     opened = lod.open(tmp_path / "array.lod")
-    with pytest.raises(StoreError, match="--source"):
+    with pytest.raises(StoreError, match="source=SOURCE"):
         lod.fly(opened, path, {"pixel_error": 1.0}, **SMALL)
     with pytest.raises(StoreError, match="hash"):
         lod.open(tmp_path / "array.lod", source="fractal:size=65,seed=4")

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from . import results
-from .columns import close_to
 from .configs import freeze, plan
-from .errors import InvalidInput
+from .errors import InvalidInput, close_to
 
 #: Undefined in the first frame of a run, which no frame goes before.
 _FROM_SECOND_FRAME = ("pop_px_max", "pop_area")

@@ -52,7 +52,8 @@ from .arguments import (
     print_table,
     size_of,
 )
-from .errors import BrokenPromise, GLError, InvalidInput, StoreError, Unsupported
+from .errors import BrokenPromise, GLError, InvalidInput, StoreError, Unsupported, check_one_of
+from .stores import SHOWS, is_store
 
 app = typer.Typer(
     name="lodlab",
@@ -68,7 +69,7 @@ app = typer.Typer(
 def open_store(path: Path, source: str | None = None) -> Any:
     """Opens a store that must be there."""
     if not path.is_file() and not Path(f"{path}.partial").is_file():  # the core says that one is incomplete
-        raise InvalidInput(f"open store: no file {path}")
+        raise InvalidInput(f"open store: no file {path}; lodlab build SOURCE METHOD STORE writes one")
     return lodlab.open(path, source)
 
 
@@ -229,20 +230,6 @@ def info(
         typer.echo("verified: every page is as it was written")
     if audited:
         verdicts.print_audit(audited, json_=False)
-
-
-APPLICATION_ID = b"lodl"  # of stores, in the header of their SQLite file
-
-
-def is_store(what: str) -> bool:
-    """True for files that say that they are a store, by name or by their first bytes."""
-    file = Path(what)
-    if not file.is_file():
-        return file.suffix == ".lod"
-    with file.open("rb") as opened:
-        head = opened.read(72)
-    ours = head.startswith(b"SQLite format 3") and head[68:72] == APPLICATION_ID
-    return ours or file.suffix == ".lod"
 
 
 def source_info(text: str) -> dict[str, Any]:
@@ -478,6 +465,7 @@ def render(
 
     if (picture is None) == (video is None):
         raise InvalidInput("render: name a picture (OUT.png) or --video OUT.mp4 or .gif, one of both")
+    check_one_of("render: show", show, (*SHOWS, "error"))
     if video is None:
         pictures.check_name(picture)
     else:

@@ -8,7 +8,6 @@ the tooltips of the report and `lodlab check --help` their sentences. Columns on
 
 from __future__ import annotations
 
-import difflib
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -121,14 +120,6 @@ def tooltip(name: str) -> str:
     column = describe(name)
     unit = "" if column.unit in (FLAG, TEXT, "1") else f" ({column.unit})"
     return f"{name}{unit}: {column.text}"
-
-
-def close_to(name: str, known: Iterable[str], most: int = 4) -> list[str]:
-    """The known names that a mistyped one may mean, likeliest first: similar ones, and those that it is part of."""
-    known = list(known)
-    similar = difflib.get_close_matches(name.lower(), known, n=most, cutoff=0.7)
-    within = [other for other in known if len(name) > 2 and name.lower() in other]
-    return list(dict.fromkeys([*similar, *within]))[:most]
 
 
 # ---- pages ------------------------------------------------------------------------------------------

@@ -249,7 +249,7 @@ class _Search:
         fov: float | None,
         progress: bool,
     ):
-        from tqdm.auto import tqdm
+        from .bars import tqdm
 
         self.instrument = _core.Instrument(field.core, None)
         self.field, self.method, self.limit, self.track = field, method, limit, track

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from . import _core, pictures, results, sight
-from .errors import GLError, InvalidInput, StoreError, Unsupported
+from .errors import GLError, InvalidInput, StoreError, Unsupported, check_one_of
 from .heightfield import HeightField
 from .identity import attribute_hash, poses_hash
 from .metrics import measure, pixel_slack
 from .paths import CameraPath
-from .stores import Store, build, method_table, open, options_of
+from .stores import Store, as_budget, build, method_table, open, options_of
 
 PICTURE_SAMPLES = 32_000_000  # above it the reference is not drawn and its columns are nan
 REFERENCE_BYTES = 1 << 30  # of cached reference pictures, per source
@@ -43,7 +43,12 @@ class CaptureMismatch(GLError):
 
 def make_path(path: Any, source: HeightField | None, frames: int, fov: float | None) -> CameraPath:
     """A CameraPath from itself, a built-in name, or a key-frame file (.toml, .json)."""
-    return path if isinstance(path, CameraPath) else CameraPath.named(os.fspath(path), source, frames=frames, fov=fov)
+    return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)
+
+
+def over_source(path: Any) -> bool:
+    """Whether a path is made from what it flies over: a built-in one, by its name."""
+    return isinstance(path, (str, os.PathLike)) and not os.fspath(path).lower().endswith((".toml", ".json"))
 
 
 def path_text(path: Any) -> str:
@@ -54,13 +59,15 @@ def path_text(path: Any) -> str:
     return os.path.abspath(text) if text.lower().endswith((".toml", ".json")) else text
 
 
+_BUDGETS = ("pixel_error", "triangles", "nodes")
+
+
 def budget_of(values: Mapping[str, Any] | Any | None) -> dict[str, Any]:
     """A budget as a dict of the values that are set, in the order pixel_error, triangles, nodes."""
-    if values is None:
-        return {}
-    if not isinstance(values, Mapping):
-        values = {k: getattr(values, k) for k in ("pixel_error", "triangles", "nodes")}
-    return {k: values[k] for k in ("pixel_error", "triangles", "nodes") if values.get(k) is not None}
+    if isinstance(values, Mapping) and set(values) <= set(_BUDGETS):
+        return {k: values[k] for k in _BUDGETS if values.get(k) is not None}  # numbers as they were given
+    budget = as_budget({} if values is None else values)
+    return {k: v for k in _BUDGETS if (v := getattr(budget, k)) is not None}
 
 
 def check_budget(method: str, values: Mapping[str, Any]) -> Any:
@@ -118,10 +125,8 @@ class Flight:
         ):
             if not hasattr(value, "__index__") or value < low:
                 raise InvalidInput(f"fly: {name} is {value!r}; it is a whole number, at least {low}")
-        if self.images not in IMAGES:
-            raise InvalidInput(f"fly: images is {self.images!r}; it is one of {', '.join(IMAGES)}")
-        if self.metrics not in MEASURES:
-            raise InvalidInput(f"fly: metrics is {self.metrics!r}; it is one of {', '.join(MEASURES)}")
+        check_one_of("fly: images", self.images, IMAGES)
+        check_one_of("fly: metrics", self.metrics, MEASURES)
 
 
 # ---- what it is measured against ------------------------------------------------------------------

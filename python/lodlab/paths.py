@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core
-from .errors import InvalidInput
+from .errors import InvalidInput, close_to
 from .flights import BUILT_IN, Pose, PoseAt
 from .keyframes import poses_of_array, poses_of_keys, read_file
 
@@ -79,7 +79,7 @@ class CameraPath:
             tuple(pose.target.tolist()),
             up=tuple(pose.up.tolist()),
             fov=float(wide),
-            size=tuple(size),
+            size=size,
             near=pose.near,
         )
 
@@ -177,6 +177,10 @@ class CameraPath:
         cls, name: str, source: HeightField | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
     ) -> CameraPath:
         """What `path` takes by name: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
+        if not isinstance(name, (str, os.PathLike)):
+            raise InvalidInput(
+                f"camera path: {name!r} is no CameraPath, no name ({', '.join(BUILT_IN)}) and no .toml or .json file"
+            )
         text = os.fspath(name)
         if text in BUILT_IN:
             if source is None:
@@ -184,5 +188,6 @@ class CameraPath:
             return cls._built_in(text, source, frames, fov)
         if text.lower().endswith((".toml", ".json")):
             return cls.load(text, frames, fov)
-        known = ", ".join(BUILT_IN)
-        raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file")
+        known, close = ", ".join(BUILT_IN), close_to(text, BUILT_IN)
+        meant = f" (close to it: {', '.join(close)})" if close else ""
+        raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file{meant}")

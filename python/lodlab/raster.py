@@ -228,6 +228,7 @@ def open_raster(
     plain = absolute(text) is None
     if plain:
         _check_file(text)
+        _refuse_store(text)
     if text.lower().endswith((".npy", ".npz")) or _member(text):
         raster = _read_array(text, band, window, most)
     else:
@@ -255,6 +256,13 @@ def open_raster(
     elif encoding is None and isinstance(raster.samples, np.ndarray):
         raster.nodata = raster.guessed = guess_nodata(raster.samples, text)
     return raster
+
+
+def _refuse_store(path: str) -> None:
+    from .stores import is_store
+
+    if is_store(path):
+        raise InvalidInput(f"open {path}: it is a store, not a source; lodlab info {path} says which it was built from")
 
 
 def _check_file(path: str) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _core, pictures, results
-from .errors import InvalidInput
+from .errors import InvalidInput, check_one_of
 from .flights import BUILT_IN
 from .identity import KEPT_MB, hash_list, keep_array, keep_file, poses_hash, rasters, take_path
 from .movies import FPS, Animation
@@ -29,6 +29,7 @@ from .passes import (
     check_capture,
     look_of,
     make_path,
+    over_source,
     path_text,
     perform,
     run_name,
@@ -38,7 +39,7 @@ from .passes import (
 )
 from .paths import CameraPath
 from .sources import as_source
-from .stores import SHOWS, Frame, Store, method_table
+from .stores import SHOWS, Frame, Store, as_store, method_table
 
 __all__ = ["CaptureMismatch", "Run", "fly", "load"]
 
@@ -71,8 +72,7 @@ class Run:
         f = worst_frame(self.frames.to_dict("records")) if frame is None else int(frame)
         if not 0 <= f < len(self.frames):
             raise InvalidInput(f"image: frame {f} of run {self.name}; it has frames 0 to {len(self.frames) - 1}")
-        if show not in (*SHOWS, "reference", "error"):
-            raise InvalidInput(f"image: show is {show!r}; it is one of {', '.join((*SHOWS, 'reference', 'error'))}")
+        check_one_of("image: show", show, (*SHOWS, "reference", "error"))
         if self._flown is None:
             written = self._written(f, show)
             if written is not None:
@@ -183,7 +183,7 @@ def _enter(
 
 
 def fly(
-    store: Store,
+    store: Store | str | os.PathLike[str],
     path: Any = "flyover",
     budget: Any = None,
     *,
@@ -201,7 +201,7 @@ def fly(
     progress: bool = True,
     **options: Any,
 ) -> Run:
-    """Flies a store along a path under a budget and measures it.
+    """Flies a store (or the file of one) along a path under a budget and measures it.
 
     `path`: a CameraPath, a built-in name or a key-frame file (`frames` and `fov`, degrees, are for names and
     files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames are
@@ -215,19 +215,17 @@ def fly(
     results are written. A directory that holds this very run already is read; one of other runs grows by it, unless
     they contradict (`lodlab.sweep`).
     """
-    from tqdm.auto import tqdm
-
+    from .bars import tqdm
     from .laws import tell_broken
 
+    store = as_store(store)
     if source is not None:
         store.attach(as_source(source))
     if device:
         _core.choose_device(device)
     if images not in (None, "none") and out is None:
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
-    files = (".toml", ".json")
-    over_source = not isinstance(path, CameraPath) and not os.fspath(path).lower().endswith(files)
-    track = make_path(path, store.source if over_source else None, frames, fov)
+    track = make_path(path, store.source if over_source(path) else None, frames, fov)
     flight = Flight(
         name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
         source=store.source_spec or f"array:{store.source_hash[:8]}",
@@ -235,7 +233,7 @@ def fly(
         budget=budget_of(budget),
         options=_core.resolve_options(store.method, "draw", options),
         frames=len(track),
-        size=(int(size[0]), int(size[1])),
+        size=track.view(0, size, fov).size,
         fov=fov,
         accuracy_frames=accuracy_frames,
         repeat=repeat,
@@ -244,7 +242,6 @@ def fly(
     )
     flight.check()
     check_budget(store.method, flight.budget)
-    track.view(0, flight.size, fov)
     yardstick = None
     if accuracy_frames > 0:
         folder = Path(stores) if stores is not None else Path(out) / "stores" if out is not None else None

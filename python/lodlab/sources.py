@@ -182,4 +182,6 @@ def as_source(source: Any) -> HeightField:
         return load(source)
     if isinstance(source, np.ndarray):
         return HeightField(source)
-    raise InvalidInput(f"source: {type(source).__name__} is no height field, SOURCE text, path or array")
+    what = type(source).__name__
+    cure = "; its source is store.source" if what == "Store" else ""
+    raise InvalidInput(f"source: {what} is no height field, SOURCE text, path or array{cure}")

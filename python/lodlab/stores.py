@@ -9,15 +9,15 @@ with it; `store.select` and its like use a default session, made on first use.
 from __future__ import annotations
 
 import html
-import io
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from . import _core
-from .errors import InvalidInput, StoreError
+from .errors import InvalidInput, StoreError, check_one_of
 from .heightfield import HeightField
 from .sources import as_source, load
 
@@ -46,6 +46,10 @@ class Frame:
         from .pictures import encode
 
         return encode(self.image)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """The picture, for `np.asarray(frame)` and what takes arrays."""
+        return np.array(self.image, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
         return f"<lodlab.Frame {self.image.shape[1]} x {self.image.shape[0]}>"
@@ -146,9 +150,12 @@ class Cut:
         return trimesh.Trimesh(vertices=vertices, faces=faces, vertex_colors=shades, process=False)
 
     def __repr__(self) -> str:
+        missed = "" if self.budget_met else ", budget not met"
+        if self.least_triangles is not None:
+            missed += f": the least is {self.least_triangles} triangles in {self.least_nodes} nodes"
         return (
             f"<lodlab.Cut {self.visible_nodes} nodes, {self.triangles} triangles drawn, "
-            f"predicted {self.predicted_px:.3g} px>"
+            f"predicted {self.predicted_px:.3g} px{missed}>"
         )
 
 
@@ -164,6 +171,28 @@ def _whole_numbers(what: str, values: Any, dtype: type) -> np.ndarray:
     return np.ascontiguousarray(numbers, dtype=dtype)
 
 
+def _cut(what: str, value: Any) -> Cut:
+    if not isinstance(value, Cut):
+        raise InvalidInput(f"{what}: cut {value!r} is no lodlab.Cut; store.select(view, budget) makes one")
+    return value
+
+
+def _view(what: str, value: Any) -> Any:
+    if not isinstance(value, _core.View):
+        raise InvalidInput(f"{what}: view {value!r} is no lodlab.View; path.view(frame) makes one of a CameraPath")
+    return value
+
+
+def as_budget(value: Any) -> Any:
+    """A lodlab.Budget from itself or a dict of its arguments. InvalidInput for anything else."""
+    if isinstance(value, _core.Budget):
+        return value
+    if isinstance(value, Mapping):
+        return _core.Budget(**{str(name): limit for name, limit in value.items()})
+    example = f"{value:g}" if isinstance(value, (int, float)) else "1.0"
+    raise InvalidInput(f"budget: {value!r} is no lodlab.Budget and no dict; as lodlab.Budget(pixel_error={example})")
+
+
 class Session:
     """Caches, GL objects and adaptation state on one store, under one set of draw options."""
 
@@ -173,12 +202,8 @@ class Session:
         self.core = store.core.session(options)
 
     def select(self, view: Any, budget: Any) -> Cut:
-        """The cut for a view under a budget. Unsupported names a budget that the method does not list."""
-        if not isinstance(budget, _core.Budget):
-            raise InvalidInput(f"select: budget {budget!r} is no lodlab.Budget")
-        if not isinstance(view, _core.View):
-            raise InvalidInput(f"select: view {view!r} is no lodlab.View")
-        return Cut(self.core.select(view, budget), self)
+        """The cut for a view under a budget (a dict will do). Unsupported: one that the method does not list."""
+        return Cut(self.core.select(_view("select", view), as_budget(budget)), self)
 
     def cut(self, ids: Any, resolutions: Any = None) -> Cut:
         """A cut by hand from node ids (N,) and, where nodes have several, resolutions (N,).
@@ -191,9 +216,8 @@ class Session:
 
     def draw(self, cut: Cut, view: Any = None, show: str = "shade") -> Frame:
         """Draws a cut; `show` is one of shade, normal, level, wire. `view` defaults to the cut's own."""
-        view = cut.view if view is None else view
-        if show not in SHOWS:
-            raise InvalidInput(f"draw: show is {show!r}; it is one of {', '.join(SHOWS)}")
+        view = _view("draw", _cut("draw", cut).view if view is None else view)
+        check_one_of("draw: show", show, SHOWS)
         if show == "wire":
             return Frame(self.core.wire(cut.core, view).image)
         drawn = self.core.draw(cut.core, view, show)
@@ -204,7 +228,8 @@ class Session:
 
         `everything=False` leaves out the nodes outside the view.
         """
-        return self.core.capture(cut.core, cut.view if view is None else view, everything)
+        view = _view("capture", _cut("capture", cut).view if view is None else view)
+        return self.core.capture(cut.core, view, everything)
 
     def reset(self) -> None:
         """Forgets adaptation state; caches stay warm."""
@@ -323,11 +348,11 @@ class Store:
 
     def draw(self, cut: Cut, view: Any = None, show: str = "shade") -> Frame:
         """Draws a cut with the session that it came from."""
-        return cut._session.draw(cut, view, show)
+        return _cut("draw", cut)._session.draw(cut, view, show)
 
     def capture(self, cut: Cut, view: Any = None, everything: bool = True) -> Any:
         """`Session.capture` with the session that the cut came from."""
-        return cut._session.capture(cut, view, everything)
+        return _cut("capture", cut)._session.capture(cut, view, everything)
 
     def __repr__(self) -> str:
         return f"<lodlab.Store {self.path} ({self.method} of {self.source_spec or 'an array'})>"
@@ -381,6 +406,8 @@ def build(
     an unknown method or option, Unsupported when the method does not accept the source, StoreError when the
     file stands in the way.
     """
+    from .bars import Progress
+
     by_rows = method_table(method)["by_rows"]
     field = as_source(source)
     given = field.rows_core if by_rows else field.loaded().core
@@ -397,30 +424,23 @@ def open(path: str | os.PathLike[str], source: Any = None) -> Store:
     return store
 
 
-class Progress:
-    """A progress bar in terminal or notebook, fed with (stage, share of it done)."""
+def as_store(value: Any) -> Store:
+    """A store as it is; the file of one opened. InvalidInput for anything else."""
+    if isinstance(value, Store):
+        return value
+    if isinstance(value, (str, os.PathLike)) and (is_store(value) or os.path.exists(f"{os.fspath(value)}.partial")):
+        return open(value)
+    raise InvalidInput(f"store: {value!r} is no lodlab.Store and no file of one; lodlab.build(source, ...) makes one")
 
-    def __init__(self, title: str, shown: bool = True):
-        from tqdm.auto import tqdm
 
-        self._title = title
-        self._bar = tqdm(
-            total=100.0,
-            desc=title,
-            disable=None if shown else True,
-            leave=False,
-            bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}",
-            file=None if shown else io.StringIO(),
-        )
+_APPLICATION_ID = b"lodl"  # of stores, in the header of their SQLite file
 
-    def stage(self, name: str, share: float) -> None:
-        """The core calls this: `share` from 0 to 1 of the stage `name`."""
-        self._bar.set_description_str(f"{self._title}: {name}", refresh=False)
-        self._bar.n = round(100.0 * min(max(share, 0.0), 1.0), 1)
-        self._bar.refresh()
 
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()
+def is_store(path: str | os.PathLike[str]) -> bool:
+    """True for files that say that they are a store, by name or by their first bytes."""
+    file = Path(path)
+    if not file.is_file():
+        return file.suffix == ".lod"
+    with file.open("rb") as opened:
+        head = opened.read(72)
+    return (head.startswith(b"SQLite format 3") and head[68:72] == _APPLICATION_ID) or file.suffix == ".lod"

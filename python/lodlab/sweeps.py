@@ -403,7 +403,7 @@ def _make_all(
     config: Mapping[str, Any],
     progress: bool,
 ) -> None:
-    from tqdm.auto import tqdm
+    from .bars import tqdm
 
     order = [task.flight.name for task in tasks]
     said: set[str] = set()
@@ -450,6 +450,11 @@ def _timed_twice(tasks: Sequence[Task]) -> Task:
     return next((task for task in tasks if task.flight.budget), tasks[0])
 
 
+def _several(values: Any) -> list[Any]:
+    """One value or several, as a list."""
+    return [values] if isinstance(values, str) or not hasattr(values, "__iter__") else list(values)
+
+
 def compare(
     source: Any,
     *,
@@ -483,8 +488,9 @@ def compare(
     field = as_source(source)
     name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
-    chosen = {k: list(v) for k, v in budgets.items() if v is not None and len(v)}
+    chosen = {k: _several(v) for k, v in budgets.items() if v is not None and _several(v)}
     chosen = chosen or {"pixel_errors": list(DEFAULT_PIXEL_ERRORS)}
+    methods = None if methods is None else _several(methods)
     if methods is None:
         wanted = [BUDGET_LISTS[key] for key in chosen]
         methods = [
@@ -501,7 +507,7 @@ def compare(
         "sources": [name],
         "paths": [path_text(path)],
         "frames": len(path) if isinstance(path, CameraPath) else frames,
-        "size": list(size),
+        "size": size,
         "fov": path.fov if fov is None and isinstance(path, CameraPath) else fov,
         "accuracy_frames": accuracy_frames,
         "repeat": repeat,

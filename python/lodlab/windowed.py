@@ -60,7 +60,7 @@ class WindowedHeightField(HeightField):
     @property
     def _core(self) -> Any:
         if self._surveyed is None:
-            from .stores import Progress
+            from .bars import Progress
 
             with Progress(f"read {self.name}") as bar:
                 self._surveyed = self._reader.open(self._frame, self._spec, bar.stage)

@@ -22,7 +22,7 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput, StoreError
 from ..passes import still
-from ..stores import Store
+from ..stores import Store, as_store
 
 if TYPE_CHECKING:
     from ..charts import Chart
@@ -154,10 +154,11 @@ def audit(store: Store, *, cuts: int = 0, seed: int = 0, progress: bool = True, 
     everything is loaded first. InvalidInput: a negative number of cuts, an unknown option. StoreError: the source
     is not at hand, the method's own cuts leave a node out, or a cut draws a node that it does not hold.
     """
-    from tqdm.auto import tqdm
+    from ..bars import tqdm
 
     if isinstance(cuts, bool) or not isinstance(cuts, (int, np.integer)) or cuts < 0:
         raise InvalidInput(f"audit: cuts is {cuts!r}; it is a whole number, at least 0")
+    store = as_store(store)
     options = _core.resolve_options(store.method, "draw", draw_options)
     auditor = _Auditor(store, store.core.session(still(store.method, options)))
     listed = auditor.session.audit_cuts()

@@ -49,7 +49,8 @@ def calibrate(progress: bool = True) -> Any:
 def calibrate_cases(cases: Sequence[Case], *, progress: bool = False) -> Any:
     """The table of `calibrate` for these cases. InvalidInput when a case expects a metric that there is not."""
     import pandas as pd
-    from tqdm.auto import tqdm
+
+    from ..bars import tqdm
 
     rank = {metric.name: i for i, metric in enumerate(METRICS)}
     rows: list[dict[str, Any]] = []

@@ -184,7 +184,7 @@ def _no_source(scene: Scene, method: str) -> dict[str, Any]:
 
 def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
     """The parts, with a bar that names the one being played."""
-    from tqdm.auto import tqdm
+    from ..bars import tqdm
 
     with tqdm(total=len(parts), disable=None if progress else True, leave=False) as bar:
         for part in parts:
