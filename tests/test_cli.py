@@ -520,3 +520,32 @@ def test_bench_lists_and_checks(say, monkeypatch):
     fails(say("bench", "draw", "--check"), 1, "below 0.95")
     status, out, _ = say("bench", "draw", "--json")
     assert status == 0 and json.loads(out) == []
+
+
+def test_version_and_help_are_said(say):
+    assert say("--version") == (0, f"lodlab {lod.__version__}\n", "")
+    status, out, err = say()
+    assert status == 0 and "--install-completion" in out and err == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("bui", ["build"]),
+        ("build jack", ["jacksboro"]),
+        ("build jacksboro ", [m["name"] for m in lod.methods()]),
+        ("build my", []),  # a file: the shell goes on
+        ("fly a.lod --path fl", ["flyover"]),
+        ("fly a.lod --images ", ["all", "worst", "none"]),
+        ("render a.lod a.png --show e", ["error"]),
+        ("sweep a.toml --metrics g", ["geometry"]),
+    ],
+)
+def test_the_shell_completes_names(line, expected, monkeypatch, capsys):
+    words = f"lodlab {line}"
+    monkeypatch.setenv("_LODLAB_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
+    with pytest.raises(SystemExit):
+        cli.run([])
+    assert capsys.readouterr().out.split() == expected

@@ -78,3 +78,24 @@ def test_repository_text_holds_no_trailing_machine_paths():
         path = ROOT / name
         if path.suffix in text_kinds and path.exists():
             assert needle not in path.read_text(encoding="utf-8"), f"{name} names a path of one machine"
+
+
+def test_dir_shows_the_public_names_only():
+    assert set(dir(lodlab)) - {"__doc__", "__version__"} == set(lodlab.__all__)
+    assert all(hasattr(lodlab, name) for name in lodlab.__all__)
+
+
+def test_a_notebook_without_widgets_gets_a_bar_as_text_and_no_warning():
+    code = """
+import builtins, sys, types, warnings
+shell = types.SimpleNamespace(config={"IPKernelApp": {}})
+sys.modules["IPython"] = types.SimpleNamespace(get_ipython=lambda: shell)
+sys.modules["ipykernel.zmqshell"] = types.ModuleType("ipykernel.zmqshell")
+sys.modules["ipywidgets"] = None
+builtins.get_ipython = lambda: shell
+import lodlab
+from lodlab.bars import tqdm
+print(tqdm.__module__)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.stderr, done.returncode) == ("", 0)

@@ -67,6 +67,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__doc__", "__version__"])
+
+
 def devices() -> list[dict[str, object]]:
     """The EGL devices of this machine: `index`, `name`, `software`."""
     return _core.devices()

@@ -5,19 +5,51 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from .datasets import DATASETS
 from .errors import InvalidInput
+from .flights import BUILT_IN
+from .passes import IMAGES, MEASURES
+from .stores import methods
+
+
+def completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What the shell completes an argument to: those of these names that begin as it does. Where none does, bash goes
+    on with files."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
 
 StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="A store, as lodlab build writes it.")]
-SourceText = Annotated[str, typer.Argument(metavar="SOURCE", help="NAME_OR_FILE[:key=value,...], see lodlab datasets.")]
+SourceText = Annotated[
+    str,
+    typer.Argument(
+        metavar="SOURCE",
+        help="NAME_OR_FILE[:key=value,...], see lodlab datasets.",
+        autocompletion=completing(lambda: DATASETS),
+    ),
+]
+Method = Annotated[
+    str,
+    typer.Argument(
+        metavar="METHOD",
+        help="One of lodlab methods.",
+        autocompletion=completing(lambda: (m["name"] for m in methods())),
+    ),
+]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
 PathText = Annotated[
-    str, typer.Option("--path", metavar="NAME|FILE", help="flyover, orbit, walk, zoom, still, or a key-frame file.")
+    str,
+    typer.Option(
+        "--path",
+        metavar="NAME|FILE",
+        help="flyover, orbit, walk, zoom, still, or a key-frame file.",
+        autocompletion=completing(lambda: BUILT_IN),
+    ),
 ]
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
 Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
@@ -44,11 +76,27 @@ Stores = Annotated[
 ]
 Device = Annotated[
     str | None,
-    typer.Option("--device", metavar="D", help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto]."),
+    typer.Option(
+        "--device",
+        metavar="D",
+        help="auto, software, cuda:N or an index [default: LODLAB_DEVICE, auto].",
+        autocompletion=completing(lambda: ("auto", "software", "cuda:0")),
+    ),
 ]
-Images = Annotated[str, typer.Option("--images", metavar="all|worst|none", help="Pictures to keep.")]
+Images = Annotated[
+    str,
+    typer.Option(
+        "--images", metavar="all|worst|none", help="Pictures to keep.", autocompletion=completing(lambda: IMAGES)
+    ),
+]
 Metrics = Annotated[
-    str, typer.Option("--metrics", metavar="all|geometry", help="What to measure; geometry: nothing of pictures.")
+    str,
+    typer.Option(
+        "--metrics",
+        metavar="all|geometry",
+        help="What to measure; geometry: nothing of pictures.",
+        autocompletion=completing(lambda: MEASURES),
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")]

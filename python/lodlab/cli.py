@@ -32,6 +32,7 @@ from .arguments import (
     Images,
     Jobs,
     Json,
+    Method,
     Metrics,
     Nodes,
     OptionTexts,
@@ -46,6 +47,7 @@ from .arguments import (
     Stores,
     Triangles,
     budget_from,
+    completing,
     numbers_of,
     options_from,
     print_json,
@@ -53,17 +55,30 @@ from .arguments import (
     size_of,
 )
 from .errors import BrokenPromise, GLError, InvalidInput, StoreError, Unsupported, check_one_of
+from .passes import MEASURES
 from .stores import SHOWS, is_store
 
 app = typer.Typer(
     name="lodlab",
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    help="A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure.",
     epilog="Example: lodlab compare jacksboro --out runs/jacksboro",
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"lodlab {lodlab.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version and exit.")
+    ] = False,
+) -> None:
+    """A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure."""
 
 
 def open_store(path: Path, source: str | None = None) -> Any:
@@ -152,7 +167,7 @@ def datasets_command(json_: Json = False) -> None:
 @app.command("build", epilog="Example: lodlab build jacksboro chunked jacksboro.lod -o finest_error=0.5")
 def build_command(
     source: SourceText,
-    method: Annotated[str, typer.Argument(metavar="METHOD", help="One of lodlab methods.")],
+    method: Method,
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
     option: OptionTexts = None,
     force: Force = False,
@@ -382,7 +397,13 @@ def sweep_command(
     config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="See docs/sweeps.md.")],
     out: OutFolder,
     metrics: Annotated[
-        str | None, typer.Option("--metrics", metavar="all|geometry", help="What to measure [default: the file's].")
+        str | None,
+        typer.Option(
+            "--metrics",
+            metavar="all|geometry",
+            help="What to measure [default: the file's].",
+            autocompletion=completing(lambda: MEASURES),
+        ),
     ] = None,
     jobs: Jobs = 1,
     stores: Stores = None,
@@ -451,7 +472,13 @@ def render(
     nodes: Nodes = None,
     option: OptionTexts = None,
     show: Annotated[
-        str, typer.Option("--show", metavar="shade|level|error|wire|normal", help="What to show.")
+        str,
+        typer.Option(
+            "--show",
+            metavar="shade|level|error|wire|normal",
+            help="What to show.",
+            autocompletion=completing(lambda: (*SHOWS, "error")),
+        ),
     ] = "shade",
     device: Device = None,
     source: SourceOption = None,
@@ -635,7 +662,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     try:
-        status = int(app(args=None if arguments is None else list(arguments), standalone_mode=False) or 0)
+        words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+        status = int(app(args=words, prog_name="lodlab", standalone_mode=False) or 0)
         if status == STOPPED:  # typer turns Ctrl-C into this status, and says nothing
             raise KeyboardInterrupt
         return status

@@ -21,6 +21,7 @@ from .arguments import (
     Fov,
     Frames,
     Json,
+    Method,
     OptionTexts,
     OutFolder,
     PathText,
@@ -124,7 +125,7 @@ def stability(
 
 def fit(
     source: SourceText,
-    method: Annotated[str, typer.Argument(metavar="METHOD", help="One of lodlab methods.")],
+    method: Method,
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
     pixel_error: Annotated[float, typer.Option("--pixel-error", metavar="E", help="Limit of the measured error, px.")],
     path: PathText = "flyover",
