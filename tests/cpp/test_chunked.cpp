@@ -4,12 +4,15 @@
 #include <doctest/doctest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <functional>
 #include <map>
 #include <random>
+#include <thread>
 
 #include "base/parallel.h"
 #include "common/projection.h"
@@ -52,11 +55,12 @@ struct Field {
   }
 };
 
-std::shared_ptr<const Store> build(const Field& field, const std::map<std::string, OptionValue>& options) {
+std::shared_ptr<const Store> build(const Field& field, const std::map<std::string, OptionValue>& options,
+                                   const Progress& progress = {}) {
   const auto path =
       (std::filesystem::temp_directory_path() / ("test_chunked_" + std::to_string(::getpid()) + ".lod"))
           .string();
-  auto store = build_store({field.field}, chunked_method(), options, path, BuildMode::kForce, {});
+  auto store = build_store({field.field}, chunked_method(), options, path, BuildMode::kForce, progress);
   std::filesystem::remove(path);  // the open file stays readable
   return store;
 }
@@ -320,4 +324,18 @@ TEST_CASE("projection: an upper bound on screen movement, and its inverse") {
     CHECK(K * std::hypot(vx / vz - x / z, vy / vz - y / z) <=
           project_strict(delta, K, D, n, s, cosine) * (1 + 1e-9));
   }
+}
+
+TEST_CASE("reports of a build on many threads come in order and end with all of it") {
+  const Field field(257, 257, [](int r, int c) { return static_cast<float>((r * 31 + c * 17) % 23); });
+  std::vector<double> shares;
+  set_thread_count(8);
+  build(field, {{"leaf", int64_t{4}}}, [&](const std::string& stage, double share) {
+    if (stage == "chunks") shares.push_back(share);
+    std::this_thread::sleep_for(std::chrono::microseconds(100));  // others come to wait meanwhile
+  });
+  set_thread_count(0);
+  CHECK(shares.size() > 100);
+  CHECK(std::is_sorted(shares.begin(), shares.end()));
+  CHECK(shares.back() == 1.0);
 }
