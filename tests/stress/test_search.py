@@ -145,6 +145,15 @@ def test_a_budget_may_wait_for_what_is_said_to_be_missing(tmp_path: Path, monkey
     assert "hard" in laws(waits, tmp_path)
 
 
+def test_a_camera_is_still_until_all_levels_had_time_to_come(tmp_path: Path) -> None:
+    """The cheapest cut lies five levels down, and nothing of it is drawn before all of it is there."""
+    grazing = VIEW | {"kind": "grazing", "at": [0.44, 0.84], "way": [-1.95, -0.12, 0.58], "fov": 118.0}
+    source = HILLS | {"rows": 8, "cols": 128, "shape": "noise", "spacing": [356.0, 21000.0]}
+    frame = {"view": grazing, "budget": {"triangles": ["least", 1]}}
+    build = {"leaf": 4, "chunk_triangles": 8192}
+    assert laws(Trial("chunked", "stream", source, build, {"stream": True}, [frame]), tmp_path) == set()
+
+
 def test_what_an_option_gives_up_is_seen_or_by_nature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cracked = dataclasses.replace(DEEP, kind="cuts", draw={"cracks": "none"}, frames=4 * frames({}))
     monkeypatch.setattr(search, "_natures", list)

@@ -285,12 +285,13 @@ class _Player:
         if self.trial.kind == "stream":
             budget = _core.Budget(**values)
             states = []
-            for _ in range(STILL_FRAMES + 5):
+            rest = 5 + int(self.store.nodes["level"].max())  # a level comes with each frame, and may show with the last
+            for _ in range(STILL_FRAMES + rest):
                 states.append(state(Cut(flying.core.time_frame(view, budget)[0], flying)))
                 flying.settle()
-                if len(states) > 5 and len(set(states[-5:])) == 1:
+                if len(states) > rest and len(set(states[-rest:])) == 1:
                     break
-            self.note("settles", len(set(states[-5:])) == 1, f"still moving after {len(states)} frames")
+            self.note("settles", len(set(states[-rest:])) == 1, f"still moving after {len(states)} frames")
             cut = Cut(flying.core.time_frame(view, budget)[0], flying)
             self.where = f"at rest, {view}, {values}: "
             self.check_budget(view, values, cut)
