@@ -25,8 +25,9 @@ namespace lodlab::instrument {
 class DrawnSurface {
  public:
   /// Rasterizes. A vertex that is not finite throws InvalidInput naming its node. Triangles without
-  /// horizontal area (planets: solid angle) cover nothing. With `worst_of_triangle` the largest deviation
-  /// among each triangle's non-void samples is stored there, by triangle (-1: it covers none).
+  /// horizontal area cover nothing (of a planet, without solid angle, what no other does). With
+  /// `worst_of_triangle` the largest deviation among each triangle's non-void samples is stored there, by
+  /// triangle (-1: it covers none).
   DrawnSurface(const HeightField& field, const SampleGrid& grid, const render::Captured& captured,
                std::vector<float>* worst_of_triangle = nullptr);
 

@@ -18,6 +18,8 @@ namespace {
 constexpr double kMargin = 1e-6;
 /// Rays this close to an edge (radians) are on it: the rounding of the test itself.
 constexpr double kOnEdge = 4e-15;
+/// Times that, and rounding takes less than a millionth of a triangle's relief from heights within it.
+constexpr double kMuchWider = 1e6;
 
 /// Positive on the inner side of the plane through the centre and the edge. Ends are directions, so that no
 /// height, however steep, takes digits from a plane that it does not turn.
@@ -196,9 +198,10 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
   const glm::dvec3 b = c[1].up - c[0].up, d = c[2].up - c[0].up;
   const double area = glm::dot(c[0].up, glm::cross(b, d));  // of directions: heights make nothing thin
   const double longest = std::max({glm::dot(b, b), glm::dot(d, d), glm::dot(d - b, d - b)});
+  const double narrow = longest > 0.0 ? std::abs(area) / std::sqrt(longest) : 0.0;
   const double slack = std::max({c[0].slack, c[1].slack, c[2].slack});
-  const bool thin = !(std::abs(area) > std::max(1e-12 * longest, kOnEdge * std::sqrt(longest)));
-  if (thin && slack == 0.0) return;  // a wall; rounding leaves nothing more of triangles narrower than it
+  const bool thin = !(narrow > std::max(kOnEdge, 1e-12 * std::sqrt(longest)));  // a wall, or as good as one
+  const bool rounded = thin || slack > 0.0, exact = !rounded && narrow > kMuchWider * kOnEdge;
   const double sign = area > 0.0 ? 1.0 : -1.0;
   const Edge edges[3] = {make_edge(c[1].up, c[2].up, slack, sign), make_edge(c[2].up, c[0].up, slack, sign),
                          make_edge(c[0].up, c[1].up, slack, sign)};
@@ -223,17 +226,21 @@ void PlanetRasterizer::draw(TriangleVertices vertices, SurfaceWriter& out) const
       }
       if (!inside) continue;
       const bool far_side = !(w[0] + w[1] + w[2] > 0.0);
-      if (far_side && (slack == 0.0 || !off)) continue;
+      if (far_side && !(off && rounded)) continue;
       const double gap = off ? to_nearest(c, ray, w) : 0.0;
       for (int e = 0; e < 3; ++e) w[e] *= across[e];
       const double sum = w[0] + w[1] + w[2];
       const double height = glm::length(at + (w[1] * to_b + w[2] * to_d) / sum) - frame.radius;
-      if (slack == 0.0) {
-        out.put(row, col, height, height);
+      double low = height, high = height;
+      if (!exact) {
+        const glm::dvec2 within = plane.within(ray, slack + kOnEdge) - frame.radius;
+        low = std::min(within.x, height);
+        high = std::max(within.y, height);
+      }
+      if (sure || !rounded) {
+        out.put(row, col, low, high);
       } else if (gap <= slack + kOnEdge) {
-        const glm::dvec2 within = plane.within(ray, slack) - frame.radius;
-        const double low = std::min(within.x, height), high = std::max(within.y, height);
-        sure ? out.put(row, col, low, high) : out.put_unsure(row, col, low, high);
+        out.put_unsure(row, col, low, high);
       }
     }
   }
