@@ -164,6 +164,12 @@ def test_what_an_option_gives_up_is_seen_or_by_nature(tmp_path: Path, monkeypatc
     assert found.broken == [] and found.by_nature["cracks"] > 0
 
 
+def test_a_silhouette_between_samples_is_no_crack(tmp_path: Path) -> None:
+    """Of a blade 24 m wide and 2.6 km long, whose triangles are cut otherwise; of a slit narrower than a pixel."""
+    for method, index in (("multigrain", 495), ("chunked", 3501)):
+        assert laws(draw_trial(method, 1005, index), tmp_path / method) == set()
+
+
 def test_an_error_that_is_not_typed_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*args: object) -> None:
         raise ZeroDivisionError("division by zero")

@@ -26,18 +26,9 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> stability.Stability:
     return stability.run(tmp_path_factory.mktemp("stability"), short=True, progress=False)
 
 
-def failures(short: stability.Stability, search: bool) -> pd.DataFrame:
-    found = short.failed[(short.failed["scene"] == "s20") == search]
-    return found[["scene", "method", "source", "figure", "value", "limit"]]
-
-
 def test_nothing_fails(short: stability.Stability) -> None:
-    assert failures(short, search=False).empty, failures(short, search=False).to_string()
-
-
-@pytest.mark.xfail(reason="crack_pixels above 4 px of error; eyes on samples of small planets: not mended yet")
-def test_random_search_finds_nothing(short: stability.Stability) -> None:
-    assert failures(short, search=True).empty, failures(short, search=True).to_string()
+    found = short.failed[["scene", "method", "source", "figure", "value", "limit"]]
+    assert found.empty, found.to_string()
 
 
 @pytest.mark.parametrize("scene", [scene.name for scene in stability.SCENES])
