@@ -303,7 +303,10 @@ def enter(
     """Makes a directory ready for a configuration: what stands in it and what is to be flown as one grid, and its
     plan. `hashes_of` says what the rows of given runs rest on now; `called`: the configuration, in messages.
     InvalidInput where something contradicts, or has changed under its name; nothing is written then."""
-    grown = grow(directory.config, config, directory.path)
+    old = directory.config
+    if old is not None:  # what is left of one that was cut off is made whole
+        old = {**old, "methods": freeze(old)["methods"]}
+    grown = grow(old, config, directory.path)
     tasks = plan(grown)
     names = names_of(directory.done, tasks)
     done = set(names.values())

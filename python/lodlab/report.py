@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 import math
 import os
 import re
@@ -28,7 +27,7 @@ from .errors import InvalidInput
 from .figures import number, percent
 from .laws import broken_by_run, judge
 from .passes import worst_folder
-from .results import HEAD, short_source, write_atomic
+from .results import HEAD, read_provenance, short_source, write_atomic
 from .statistics import noise_floor
 from .sweeps import Sweep
 
@@ -174,17 +173,12 @@ def _strips(result: Sweep) -> str:
 
 def _jobs_note(folder: Path) -> str:
     """Beside the table of times, where they were not taken one run at a time."""
-    jobs = _record(folder).get("jobs", [])
+    jobs = read_provenance(folder).get("jobs", [])
     return f" These are {_jobs_text(jobs)}." if jobs and max(jobs) > 1 else ""
 
 
-def _record(folder: Path) -> dict[str, Any]:
-    file = folder / "provenance.json"
-    return json.loads(file.read_text()) if file.exists() else {}
-
-
 def _provenance(folder: Path, summary: Any) -> str:
-    record = _record(folder)
+    record = read_provenance(folder)
     gl, host = record.get("gl", {}), record.get("machine", {})
     memory = host.get("memory_bytes", 0) / 2**30
     libraries = ", ".join(f"{k} {v}" for k, v in sorted(record.get("libraries", {}).items()))

@@ -158,20 +158,68 @@ def summary_table(rows: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def read_table(path: Path | str) -> Any:
-    """A `frames.csv` or `summary.csv` as a pandas DataFrame: bools as bool, unset and undefined as NaN."""
+    """A `frames.csv`, `summary.csv` or `noise.csv` as a pandas DataFrame: bools as bool, unset and undefined as NaN.
+
+    StoreError where it is not whole: cut off, a column missing, a row or a cell that is none.
+    """
     import pandas as pd
 
     path = Path(path)
     if not path.is_file():
         raise InvalidInput(f"read results: no file {path} (a run directory has frames.csv and summary.csv)")
-    with path.open(newline="") as file:
-        header = next(csv.reader(file), [])
+    data = path.read_bytes()
+    try:
+        header, *rows = csv.reader(io.StringIO(data.decode(), newline=""))
+    except (ValueError, csv.Error) as error:  # not text, or empty
+        why = f"it is no table ({error})" if data else "it is empty"
+        raise _damaged(path, why, cut=not data) from None
+    if absent := [c for c in _COLUMNS.get(path.name, ()) if c not in header]:
+        raise _damaged(path, f"it has no column {absent[0]}")
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(header):
+            raise _damaged(path, f"row {number} has {len(row)} of {len(header)} cells", cut=True)
+    if not data.endswith(b"\n"):
+        raise _damaged(path, f"its last row, {len(rows)}, is cut off", cut=True)
     text = {c: str for c in header if c in TEXT_COLUMNS}
     missing = {c: ["", "nan"] for c in header if c not in TEXT_COLUMNS and c not in _FLAG_COLUMNS}
+    table = pd.read_csv(io.BytesIO(data), dtype=text, keep_default_na=False, na_values=missing)
+    for column in (c for c in _COLUMNS.get(path.name, ()) if c not in text):
+        flag = column in _FLAG_COLUMNS
+        if table.empty:
+            table[column] = table[column].astype("bool" if flag else "float64")
+        elif (table[column].dtype.kind == "b") != flag or table[column].dtype.kind not in "biuf":
+            raise _damaged(path, f"column {column} holds what is no {'flag' if flag else 'number'}")
+    return table
+
+
+_COLUMNS = {"frames.csv": FRAME_COLUMNS, "summary.csv": SUMMARY_COLUMNS, "noise.csv": NOISE_COLUMNS}
+
+
+def _damaged(path: Path, why: str, *, cut: bool = False) -> StoreError:
+    """`cut`: what is whole of it can be used."""
+    again = "a sweep of its config.toml into this directory flies again what is not whole"
+    cure = "" if not cut else "; without it the runs can still be read" if path.name == "noise.csv" else f"; {again}"
+    return StoreError(f"read results: {path} is damaged, or of another version: {why}{cure}")
+
+
+def read_runs(folder: Path) -> tuple[Any, Any]:
+    """`frames.csv` and `summary.csv` of a run directory. StoreError where a finished run lacks frames."""
+    frames, summary = (read_table(folder / name) for name in ("frames.csv", "summary.csv"))
+    there = frames["run"].value_counts()
+    for run, count in summary[["run", "frames"]].itertuples(index=False):
+        if there.get(run, 0) < count:
+            why = f"run {run} has {there.get(run, 0)} of {count} frames"
+            raise _damaged(folder / "frames.csv", why, cut=True)
+    return frames, summary
+
+
+def read_provenance(folder: Path) -> dict[str, Any]:
+    """`provenance.json` of a run directory; empty where there is none."""
+    file = folder / "provenance.json"
     try:
-        return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
-    except ValueError as error:  # what pandas raises for files that are no tables
-        raise StoreError(f"read results: {path} is damaged: {error}") from None
+        return json.loads(file.read_bytes()) if file.exists() else {}
+    except ValueError as error:
+        raise StoreError(f"read results: {file} is damaged ({error}); without it results can still be read") from None
 
 
 def read_noise(folder: Path | None) -> Any:
@@ -381,7 +429,7 @@ class RunDirectory:
         there = Counter(row[0] for row in self._read("frames.csv")[1:])
         head, *rows = self._read("summary.csv") or [[]]
         found = [dict(zip(head, row, strict=True)) for row in rows]
-        done = {row["run"]: row for row in found if there[row["run"]] == int(row["frames"])}
+        done = {row["run"]: row for row in found if str(there[row["run"]]) == row["frames"]}
         for name in ("frames.csv", "summary.csv"):
             if (self.path / name).exists():
                 rows = self._read(name)
@@ -393,7 +441,10 @@ class RunDirectory:
         file = self.path / name
         if not file.exists():
             return []
-        text = file.read_bytes().decode()
+        try:
+            text = file.read_bytes().decode()
+        except UnicodeDecodeError as error:
+            raise _damaged(file, f"it is no table ({error})") from None
         whole = text[: text.rfind("\n") + 1]
         rows = list(csv.reader(io.StringIO(whole, newline="")))
         return [row for row in rows if len(row) == len(rows[0])]
@@ -434,8 +485,7 @@ class RunDirectory:
 
     def provenance(self, **values: Any) -> None:
         """Writes `provenance.json`; keeps the start and the sources of what stands there already."""
-        file = self.path / "provenance.json"
-        old = json.loads(file.read_text()) if file.exists() else {}
+        old = read_provenance(self.path)
         record = {
             "lodlab": version(),
             "commit": commit(),
@@ -447,7 +497,7 @@ class RunDirectory:
         record["sources"] = {**old.get("sources", {}), **values.get("sources", {})}
         record["jobs"] = sorted({*old.get("jobs", []), *values.get("jobs", [])})
         record["end"] = now()
-        write_atomic(file, json.dumps(record, indent=2) + "\n")
+        write_atomic(self.path / "provenance.json", json.dumps(record, indent=2) + "\n")
 
     def close(self) -> None:
         """Lets go of the lock."""

@@ -143,13 +143,12 @@ class Run:
 def load(directory: str | os.PathLike[str], name: str | None = None) -> Run:
     """A run read from a run directory; `name` may be left out when it holds one run only."""
     folder = Path(directory)
-    summary = results.read_table(folder / "summary.csv")
+    frames, summary = results.read_runs(folder)
     names = summary["run"].tolist()
     if name is None and len(names) == 1:
         name = names[0]
     if name not in names:
         raise InvalidInput(f"load: run {name!r} in {folder}; it holds {', '.join(names) or 'none'}")
-    frames = results.read_table(folder / "frames.csv")
     frames = frames[frames["run"] == name].reset_index(drop=True)
     run = Run(frames, summary[summary["run"] == name].iloc[0].to_dict(), folder)
     check_capture(run.frames)

@@ -225,7 +225,7 @@ class Sweep:
         folder = Path(directory)
         if not folder.is_dir():
             raise InvalidInput(f"read results: no directory {folder}")
-        frames, summary = (results.read_table(folder / name) for name in ("frames.csv", "summary.csv"))
+        frames, summary = results.read_runs(folder)
         return cls(folder, frames, summary, results.read_noise(folder))
 
     @classmethod
