@@ -2,9 +2,12 @@
 // Projected errors of nodes under one view (shaders/common/projection.h), by the option `projection`.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "base/options.h"
+#include "common/projection.h"
 #include "geometry/bounds.h"
 #include "geometry/height_field.h"
 #include "geometry/view.h"
@@ -34,5 +37,28 @@ struct Projector {
   /// The largest delta that projects to at most tau pixels there.
   double inverse(double tau, const Place& place) const;
 };
+
+inline Projector::Place Projector::place(const double (&lo)[3], const double (&hi)[3]) const {
+  double square[3];
+  for (int i = 0; i < 3; ++i) {
+    const double d = std::max({lo[i] - eye[i], eye[i] - hi[i], 0.0});
+    square[i] = d * d;
+  }
+  const double distance = std::sqrt(square[0] + square[1] + square[2]);
+  if (kind != Projection::kVertical) return {distance, 1.0};
+  const double far_x = std::max(eye.x - lo[0], hi[0] - eye.x);
+  const double far_y = std::max(eye.y - lo[1], hi[1] - eye.y);
+  return {distance, elevation_cosine(std::sqrt(far_x * far_x + far_y * far_y), std::sqrt(square[2]))};
+}
+
+inline double Projector::project(double delta, const Place& at) const {
+  if (kind == Projection::kPaper) return project_paper(delta, K, at.distance, n);
+  return project_strict(delta, K, at.distance, n, s, at.cosine);
+}
+
+inline double Projector::inverse(double tau, const Place& at) const {
+  if (kind == Projection::kPaper) return inverse_paper(tau, K, at.distance, n);
+  return inverse_strict(tau, K, at.distance, n, s, at.cosine);
+}
 
 }  // namespace lodlab

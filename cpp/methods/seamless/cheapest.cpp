@@ -73,8 +73,8 @@ class Selector::Sweep {
     const Layout& layout = selector_.layout_;
     const Patch& p = step.patch;
     OnCut patch{step, {}, {}, 0, true};
-    const std::array<double, 4> weight = selector_.weights(selector_.level_of(p), p);
-    std::array<double, 4> distance = selector_.distances_.of(selector_.level_of(p), p);
+    const std::array<double, 4> weight = selector_.tables_.weights(selector_.level_of(p), p);
+    std::array<double, 4> distance = selector_.tables_.distances.of(selector_.level_of(p), p);
     const int top = layout.resolutions - 1;
     double split = kNever;
     for (size_t i = 0; i < 4; ++i) {

@@ -35,11 +35,14 @@ class CodeBook {
   int steps() const { return steps_; }
   double largest() const { return weights_.back(); }
   double weight(uint16_t code) const { return weights_[weight_code(code)]; }
+  /// The same, for loops: weight(code) is table[code & mask].
+  const double* table() const { return weights_.data(); }
+  unsigned mask() const { return (1u << weight_bits_) - 1u; }
   /// Source units, as `length` is: that of the edge.
   double low(uint16_t code, double length) const { return weights_[low_code(code)] * length; }
   double mid(uint16_t code, double length) const { return weights_[mid_code(code)] * length; }
 
-  unsigned weight_code(uint16_t code) const { return code & ((1u << weight_bits_) - 1u); }
+  unsigned weight_code(uint16_t code) const { return code & mask(); }
   /// Weights whose product with the edge's length is the bound.
   unsigned low_code(uint16_t code) const {
     return bytes_ ? code >> 8u : below(weight_code(code), code >> weight_bits_);

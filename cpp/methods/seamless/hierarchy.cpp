@@ -110,8 +110,7 @@ double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
 Box Hierarchy::box(const Patch& p) const {
   Box box;
   box.add(frame.position(layout.row(p), layout.col(p), frame.z_min));
-  box.add(frame.position(layout.sample_row(p, layout.segments()), layout.sample_col(p, layout.segments()),
-                         frame.z_max));
+  box.add(frame.position(layout.end_row(p), layout.end_col(p), frame.z_max));
   return box;
 }
 

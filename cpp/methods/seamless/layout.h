@@ -73,6 +73,9 @@ struct Layout {
 
   int64_t row(const Patch& p) const { return p.y << side_log2(p.level); }
   int64_t col(const Patch& p) const { return p.x << side_log2(p.level); }
+  /// Past its last cells: the first row and column of the next, or the field's last.
+  int64_t end_row(const Patch& p) const { return std::min((p.y + 1) << side_log2(p.level), last_row()); }
+  int64_t end_col(const Patch& p) const { return std::min((p.x + 1) << side_log2(p.level), last_col()); }
   /// Lattice lines (of the level's samples) that are there: a vertex at or past this one sits on the border.
   int clip_x(const Patch& p) const { return clip(last_col() - col(p), p.level); }
   int clip_y(const Patch& p) const { return clip(last_row() - row(p), p.level); }

@@ -78,8 +78,7 @@ double SeamlessSession::stand_in_within(Selector& selector, const Selector::Limi
     const Precision precision = Precision::of(fineness);
     parents_.clear();
     selector.traverse(precision, Selector::Scope::kVisible, [&](const Selector::Active& a) {
-      const int64_t id = hierarchy_->id(a.patch);
-      if (!paging_->resident(id)) parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
+      if (!paging_->resident(a.id)) parents_.push_back(hierarchy_->id(hierarchy_->layout.parent(a.patch)));
       return true;
     });
     if (parents_.empty()) return fineness;
@@ -103,7 +102,7 @@ void SeamlessSession::ask_for(Selector& selector, double asked, const glm::dvec3
   selector.traverse(Precision::of(asked), Selector::Scope::kWhole, [&](const Selector::Active& a) {
     finest = std::max(finest, a.patch.level);
     const double priority = a.visible ? 2.0 : 0.5;
-    int64_t id = hierarchy_->id(a.patch);
+    int64_t id = a.id;
     for (; !paging_->resident(id); id = paging_->parent(id)) paging_->need(id, priority);
     paging_->touch(id, priority);
     return true;
@@ -119,9 +118,8 @@ void SeamlessSession::collect(Selector& selector, const Precision& precision, Cu
     const Patch& p = a.patch;
     const double error = a.visible ? selector.error(p, a.k) : selector.unseen_error(a);
     const bool missing = a.visible && selector.blocked(p, precision);
-    cut.nodes.push_back({static_cast<uint32_t>(hierarchy_->id(p)),
-                         static_cast<uint32_t>(pack(a.k, layout.resolutions)), 1.0f, a.visible, missing,
-                         error});
+    cut.nodes.push_back({static_cast<uint32_t>(a.id), static_cast<uint32_t>(pack(a.k, layout.resolutions)),
+                         1.0f, a.visible, missing, error});
     if (!a.visible) return true;
     cut.predicted_px = std::max(cut.predicted_px, selector.pixels(p, error));
     cut.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));

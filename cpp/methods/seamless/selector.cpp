@@ -14,9 +14,12 @@ Selector::Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metr
       levels_(hierarchy.level.data()),
       mesh_(mesh),
       metric_(metric),
-      codes_(metric.roughness ? hierarchy.codes().data() : nullptr),
       projector_(projector),
-      distances_(hierarchy.frame, projector.eye, metric.nearest),
+      tables_{metric.roughness ? hierarchy.codes().data() : nullptr,
+              hierarchy.book().table(),
+              hierarchy.book().mask(),
+              metric.base(),
+              {hierarchy.frame, projector.eye, metric.nearest}},
       all_planes_(camera != nullptr ? 0x1f : 0),
       here_(scratch.here),
       parted_(scratch.parted) {
@@ -31,12 +34,11 @@ Selector::Selector(const Hierarchy& hierarchy, const PatchMesh& mesh, const Metr
   }
 }
 
-/// Inside all planes a patch's children are, too (section 4); outside one, nothing of it is drawn.
-uint8_t Selector::planes_cutting(const Patch& p, uint8_t planes) const {
-  if (planes == 0 || planes == kOutside) return planes;
+/// Of planes that cut what the patch is a part of. Outside one of them, nothing of it is drawn.
+uint8_t Selector::planes_of(const Patch& p, uint8_t planes) const {
   const double x0 = static_cast<double>(layout_.col(p)), y0 = static_cast<double>(layout_.row(p));
-  const double x1 = static_cast<double>(layout_.sample_col(p, layout_.segments()));
-  const double y1 = static_cast<double>(layout_.sample_row(p, layout_.segments()));
+  const double x1 = static_cast<double>(layout_.end_col(p));
+  const double y1 = static_cast<double>(layout_.end_row(p));
   uint8_t cut = 0;
   for (size_t i = 0; i < planes_.size(); ++i) {
     if ((planes >> i & 1) == 0) continue;
@@ -63,10 +65,9 @@ double Selector::error(const Patch& p, const Resolutions& k) const {
 
 Projector::Place Selector::place(const Patch& p) const {
   const FieldFrame& f = hierarchy_.frame;
-  const int m = layout_.segments();
   const double lo[3]{f.x0 + static_cast<double>(layout_.col(p)) * f.dx,
-                     f.y0 - static_cast<double>(layout_.sample_row(p, m)) * f.dy, f.z_min};
-  const double hi[3]{f.x0 + static_cast<double>(layout_.sample_col(p, m)) * f.dx,
+                     f.y0 - static_cast<double>(layout_.end_row(p)) * f.dy, f.z_min};
+  const double hi[3]{f.x0 + static_cast<double>(layout_.end_col(p)) * f.dx,
                      f.y0 - static_cast<double>(layout_.row(p)) * f.dy, f.z_max};
   return projector_.place(lo, hi);
 }
@@ -99,7 +100,7 @@ void Selector::push_children() {
 
 void Selector::block(const Patch& p, const Precision& precision) {
   const Level& level = level_of(p);
-  const Reach far = reach(level_of(p), weights(level_of(p), p), precision.rho);
+  const Reach far = tables_.reach(level, tables_.weights(level, p), precision.rho);
   const double most = *std::max_element(far.begin(), far.end()) * (1.0 + 1e-9);
   blocks_.push_back({(static_cast<double>(p.x) + 0.5) * level.width,
                      (static_cast<double>(p.y) + 0.5) * level.height,
@@ -110,14 +111,14 @@ bool Selector::blocked(const Patch& p, const Precision& precision) const {
   if ((blocks_.empty() && !wanted_) || p.level + 1 == layout_.levels) return false;
   const Precision wanted = wanted_.value_or(precision);
   const Level& level = level_of(p);
-  return Edges(reach(level, weights(level, p), wanted.rho), distances_.of(level, p), wanted.away).split();
+  return tables_.edges(level, p, tables_.weights(level, p), wanted).split();
 }
 
 /// An edge's nearest distance becomes at least what every block has at the edge's farther end: like
 /// distances, this is the same from both sides, no less for a part of an edge, and differs by no more than l
 /// between a patch's edges.
 std::array<double, 4> Selector::pushed_away(const Patch& p) const {
-  std::array<double, 4> squares = distances_.of(level_of(p), p);
+  std::array<double, 4> squares = tables_.distances.of(level_of(p), p);
   const Level& level = level_of(p);
   const double west = static_cast<double>(p.x) * level.width,
                east = static_cast<double>(p.x + 1) * level.width;
@@ -164,7 +165,7 @@ std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>
   Resolutions k;
   for (size_t i = 0; i < 4; ++i) k[i] = edges.resolution(i, layout_.resolutions);
   if (error(p, k) <= allowed) return std::nullopt;
-  std::array<double, 4> distance = distances_.of(level_of(p), p);
+  std::array<double, 4> distance = tables_.distances.of(level_of(p), p);
   for (double& d : distance) d = std::sqrt(d);
   double split = std::numeric_limits<double>::infinity();
   if (p.level + 1 < layout_.levels) {
@@ -203,9 +204,9 @@ double Selector::fineness_for(double tau) {
 /// Raises the fineness to what a visible patch asks for; true when it then splits.
 bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
   const Level& level = level_of(p);
-  const std::array<double, 4> weight = weights(level, p);
+  const std::array<double, 4> weight = tables_.weights(level, p);
   for (;;) {
-    const Edges seen = edges(level, p, weight, Precision::of(fineness));
+    const Edges seen = edges(tables_, level, p, weight, Precision::of(fineness));
     if (p.level + 1 < layout_.levels && seen.split()) return true;
     const std::optional<double> more = asks(p, weight, seen, tau);
     if (!more || *more <= fineness) return false;

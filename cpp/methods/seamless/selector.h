@@ -35,9 +35,10 @@ class Selector {
 
   struct Active {
     Patch patch;
+    int64_t id;
     Resolutions k;
     bool visible;
-    std::array<double, 4> weight;  ///< of its edges
+    double weight;  ///< the largest of its edges
   };
   enum class Scope { kWhole, kVisible };
   /// Calls leaf(Active) for every patch of the cut at a precision, or every visible one, until it returns
@@ -91,18 +92,34 @@ class Selector {
   static constexpr uint8_t kOutside = 0xff;
   class Sweep;  // cheapest.cpp
 
-  Edges edges(const Level& level, const Patch& p, const std::array<double, 4>& weight,
+  /// What loops over patches look up: copied there, so that nothing can alter it in between.
+  struct Tables {
+    const uint16_t* codes;  ///< null: the paper's weights
+    const double* by_code;  ///< weights, by codes & mask
+    unsigned mask;
+    double base;
+    Distances distances;
+
+    std::array<double, 4> weights(const Level& level, const Patch& p) const;
+    Edges edges(const Level& level, const Patch& p, const std::array<double, 4>& weight,
+                const Precision& precision) const {
+      return {reach(level, weight, precision.rho), distances.of(level, p), precision.away};
+    }
+    Reach reach(const Level& level, const std::array<double, 4>& weight, double rho) const;
+  };
+  Edges edges(const Tables& tables, const Level& level, const Patch& p, const std::array<double, 4>& weight,
               const Precision& precision) const {
-    const Reach far = reach(level, weight, precision.rho);
-    if (blocks_.empty()) return {far, distances_.of(level, p), precision.away};
-    return {far, pushed_away(p), precision.away};
+    if (blocks_.empty()) return tables.edges(level, p, weight, precision);
+    return {tables.reach(level, weight, precision.rho), pushed_away(p), precision.away};
   }
   /// Squared distances of a patch's edges, with what is blocked.
   std::array<double, 4> pushed_away(const Patch& p) const;
-  uint8_t planes_cutting(const Patch& p, uint8_t planes) const;
-  Reach reach(const Level& level, const std::array<double, 4>& weight, double rho) const;
+  /// Of planes that cut what a patch is a part of: inside all of them it is, too (section 4).
+  uint8_t planes_cutting(const Patch& p, uint8_t planes) const {
+    return planes == 0 || planes == kOutside ? planes : planes_of(p, planes);
+  }
+  uint8_t planes_of(const Patch& p, uint8_t planes) const;
   bool parts_for(const Patch& p, double tau, double& fineness) const;
-  std::array<double, 4> weights(const Level& level, const Patch& p) const;
   double edge_error(const Patch& p, Edge e, int k) const;
   /// The fineness at which an edge's epsilon exceeds a threshold.
   double needed(const Patch& p, double weight, double distance, double threshold) const;
@@ -124,9 +141,8 @@ class Selector {
   const Level* levels_;
   const PatchMesh& mesh_;
   Metric metric_;
-  const uint16_t* codes_;
   Projector projector_;
-  Distances distances_;
+  Tables tables_;
   /// Of the frustum's planes: normal, and the distance of the field's nearer and farther height range.
   struct Plane {
     double x, y, near_z, far_z;
@@ -143,18 +159,16 @@ class Selector {
   std::optional<Precision> wanted_;
 };
 
-inline std::array<double, 4> Selector::weights(const Level& level, const Patch& p) const {
-  if (codes_ == nullptr) return Metric::kPaperWeights;
-  const uint16_t* across = codes_ + level.first_edge + p.y * level.across + p.x;
+inline std::array<double, 4> Selector::Tables::weights(const Level& level, const Patch& p) const {
+  if (codes == nullptr) return Metric::kPaperWeights;
+  const uint16_t* across = codes + level.first_edge + p.y * level.across + p.x;
   const uint16_t* down =
-      codes_ + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
-  const CodeBook& book = hierarchy_.book();
-  return {book.weight(across[0]), book.weight(down[1]), book.weight(across[level.across]),
-          book.weight(down[0])};
+      codes + level.first_edge + level.across * (level.down + 1) + p.y * (level.across + 1) + p.x;
+  return {by_code[across[0] & mask], by_code[down[1] & mask], by_code[across[level.across] & mask],
+          by_code[down[0] & mask]};
 }
 
-inline Reach Selector::reach(const Level& level, const std::array<double, 4>& w, double rho) const {
-  const double base = metric_.base();
+inline Reach Selector::Tables::reach(const Level& level, const std::array<double, 4>& w, double rho) const {
   Reach out;
   for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * level.length;
   return out;
@@ -162,31 +176,31 @@ inline Reach Selector::reach(const Level& level, const std::array<double, 4>& w,
 
 inline double Selector::unseen_error(const Active& a) const {
   if (!metric_.roughness) return error(a.patch, a.k);
-  return *std::max_element(a.weight.begin(), a.weight.end()) *
-         hierarchy_.level[static_cast<size_t>(a.patch.level)].length;
+  return a.weight * level_of(a.patch).length;
 }
 
 /// Level by level, each row by row: leaves come in the order of their ids.
 template <class Leaf>
 void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
   const Patch root{0, 0, 0};
+  const Tables tables = tables_;
   here_.assign(1, {root, planes_cutting(root, all_planes_)});
   while (!here_.empty()) {
     parted_.clear();
-    const Level level =
-        level_of(here_.front().patch);  // of all that are here; a copy, which nothing can alter
+    const Level level = level_of(here_.front().patch);  // of all that are here
     const bool last = here_.front().patch.level + 1 == layout_.levels;
     for (const Step& step : here_) {
       if (scope == Scope::kVisible && step.planes == kOutside) continue;
       ++traversed;
       const Patch& p = step.patch;
-      const std::array<double, 4> weight = weights(level, p);
-      const Edges seen = edges(level, p, weight, precision);
+      const std::array<double, 4> weight = tables.weights(level, p);
+      const Edges seen = edges(tables, level, p, weight, precision);
       if (!last && seen.split()) {
         parted_.push_back(step);
         continue;
       }
-      Active active{p, {}, step.planes != kOutside, weight};
+      const double most = std::max(std::max(weight[0], weight[1]), std::max(weight[2], weight[3]));
+      Active active{p, level.first + p.y * level.across + p.x, {}, step.planes != kOutside, most};
       for (size_t i = 0; i < 4; ++i) active.k[i] = seen.resolution(i, layout_.resolutions);
       if (!leaf(active)) return;
     }
