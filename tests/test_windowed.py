@@ -285,6 +285,8 @@ def test_figures_by_bands_are_those_of_the_whole(tmp_path, spec):
     assert whole["measured_px_max"] > 0 and whole["pop_px_max"] > 0
     for metric in METRICS:  # bands lie in frames of their own: rounding
         assert banded[metric.name] == pytest.approx(whole[metric.name], rel=1e-6, abs=1e-6, nan_ok=True), metric.name
+    errors = [i.examine(session, cut, views[2], pictures=False).node_errors() for i in instruments]
+    assert np.allclose(*(np.column_stack(found) for found in errors), rtol=1e-6)
     nodes = [i.examine(session, cut, views[2]).node_errors() for i in instruments]
     assert np.array_equal(nodes[0][0], nodes[1][0])
     assert np.allclose(nodes[0][1], nodes[1][1], rtol=1e-6, atol=1e-6)

@@ -76,12 +76,15 @@ PlanetRasterizer::Corner PlanetRasterizer::corner(const render::CapturedVertex& 
   double col = std::nearbyint(place.x);
   if (frame.wraps && col == static_cast<double>(frame.cols)) col = 0.0;
   out.pole = false;
-  if (row < 0.0 || row >= static_cast<double>(frame.rows)) return out;
   const int64_t sample_row = static_cast<int64_t>(row);
-  const bool pole = grid_.is_pole(sample_row);
+  const double latitude = std::abs(frame.latitude(sample_row));
+  if (latitude > 90.0) return out;
+  const bool pole = latitude == 90.0;
   if (pole) col = 0.0;
   if (col < 0.0 || col >= static_cast<double>(frame.cols)) return out;
-  const glm::dvec3 up = grid_.up(sample_row, static_cast<int64_t>(col));
+  const bool here = sample_row >= 0 && sample_row < frame.rows;  // of a band's triangles some corners are not
+  const int64_t sample_col = static_cast<int64_t>(col);
+  const glm::dvec3 up = here ? grid_.up(sample_row, sample_col) : frame.direction(sample_row, sample_col);
   if (glm::distance(at, out.radius * up) > slack) return out;
   // Near a pole columns may lie closer than the slack, twice what a position is ever off: there rounding may
   // lead to another one, and the corner stays where it is.
