@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Cracks in the picture: clear colour, or the inside of the surface, seen where the reference shows its
 // outside. The reference's silhouette is eroded first by the largest error that any pixel sees, because an
-// approximation may rightly end elsewhere; where next to nothing is left, nothing is decided.
+// approximation may rightly end elsewhere; where next to nothing is left, nothing is decided. (A cut's own
+// pixels are asked only where something shows: they see what moved into sight.)
 // Works on pictures drawn with Show::kClass (red 0 nothing, 128 inside, 255 outside), the cut's and the
 // reference's with one camera, so that equal surfaces make equal pictures. It is a margin wider on each side,
 // because a silhouette just outside the picture erodes it as well. Voids are filled in it (or a hole that

@@ -225,7 +225,7 @@ const CrackPixels& Measurement::cracks() {
     if (subject_.reference == nullptr) return {};
     const Camera camera = with_margin(subject_.camera);
     const render::Picture& wanted = subject_.reference->classes;
-    const double error_px =
+    double error_px =
         std::fmax(pixels().finite_max, pixel_error(field(), grid(), surface(), wanted, camera).finite_max);
     const auto classes = [&](const Camera& from) {
       return render::draw_picture(from, render::Show::kClass, subject_.draw, false);
@@ -239,6 +239,11 @@ const CrackPixels& Measurement::cracks() {
     for (int i = 0; i < 4 && out.pixels > 0; ++i) {
       const double right = i % 2 == 0 ? kNudge : -kNudge, down = i / 2 == 0 ? kNudge : -kNudge;
       take_back_slivers(picture, classes(nudged(camera, right, down)));
+      out = found();
+    }
+    if (out.pixels > 0) {  // what moved into sight may hide what did not
+      for (const float seen : this->error_px())
+        error_px = std::isfinite(seen) ? std::fmax(error_px, seen) : error_px;
       out = found();
     }
     const glm::dvec3 up = up_at(grid(), glm::dvec3(0.0), subject_.camera.eye);
