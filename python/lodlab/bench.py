@@ -32,6 +32,7 @@ import numpy as np
 
 from . import _core, bench_multigrain, bench_windowed, results
 from .bench_lab import (
+    PAIRS,
     REPEATS,
     SEED,
     Lab,
@@ -100,8 +101,12 @@ SELECTED = (
 )
 
 
+BESIDE = "chunked/fractal-4097"  # what the selects of seamless are timed in turn with
+
+
 def _select(lab: Lab) -> Iterable[Record]:
     """Microseconds of one select along the moving flyover, beside a plain scan over all nodes."""
+    beside = None
     for case, size, method, build, draw in SELECTED:
         spec = f"fractal:size={size},seed={SEED}"
         store = lab.store(spec, method, **build)
@@ -110,7 +115,11 @@ def _select(lab: Lab) -> Iterable[Record]:
         pixel_error = _pixel_error_for(session, views, 50)
         budget = _core.Budget(pixel_error=pixel_error)
         lab.say(f"select {case}")
-        yield select_case(
+
+        def once(session: Any = session, views: Sequence[Any] = views, budget: Any = budget) -> float:
+            return float(np.median(_core.time_select(session, views, budget, 1)[0]))
+
+        found = select_case(
             case,
             session,
             store,
@@ -127,6 +136,13 @@ def _select(lab: Lab) -> Iterable[Record]:
                 "p95_us": float(np.percentile(times, 95)),
             },
         )
+        if case == BESIDE:
+            beside = once
+        elif beside is not None:
+            pairs = interleaved(once, beside, PAIRS)
+            times, low, high = bootstrap_median(pairs[:, 0] / pairs[:, 1])
+            found["details"] |= {"times_chunked": times, "times_chunked_low": low, "times_chunked_high": high}
+        yield found
 
 
 # ---- build, memory --------------------------------------------------------------------------------

@@ -92,7 +92,9 @@ def select(lab: Lab) -> Iterable[Record]:
         details = partial(_select_details, session, views, budget, limits)
         scanned = "test of every node at every resolution without a hierarchy"
         case = f"multigrain/earth-planet/{adapt}"
-        yield select_case(case, session, store, views, budget, scanned, 1.0, options, details)
+        found = select_case(case, session, store, views, budget, scanned, 1.0, options, details)
+        found["details"]["p99_of_frames_times_scan"] = found["details"]["p99_of_frames_us"] / found["reference_value"]
+        yield found
 
 
 def _select_details(
