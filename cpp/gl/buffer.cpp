@@ -14,9 +14,9 @@ Buffer::Buffer(int64_t bytes, const void* data) : bytes_(bytes) {
   unsigned name = 0;
   glCreateBuffers(1, &name);
   handle_ = Handle<Kind::kBuffer>(name);
-  const bool empty = bytes == 0;  // GL refuses empty storage
-  glNamedBufferStorage(name, static_cast<GLsizeiptr>(std::max<int64_t>(bytes, 16)), empty ? nullptr : data,
-                       GL_DYNAMIC_STORAGE_BIT);
+  // GL refuses empty storage; it reads as many bytes as it is told to store.
+  glNamedBufferStorage(name, static_cast<GLsizeiptr>(std::max<int64_t>(bytes, 1)),
+                       bytes == 0 ? nullptr : data, GL_DYNAMIC_STORAGE_BIT);
   check("glNamedBufferStorage");
 }
 
