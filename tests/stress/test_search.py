@@ -10,8 +10,10 @@ import io
 import json
 import os
 import time
+import types
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lodlab as lod
@@ -168,6 +170,19 @@ def test_a_silhouette_between_samples_is_no_crack(tmp_path: Path) -> None:
     """Of a blade 24 m wide and 2.6 km long, whose triangles are cut otherwise; of a slit narrower than a pixel."""
     for method, index in (("multigrain", 495), ("chunked", 3501)):
         assert laws(draw_trial(method, 1005, index), tmp_path / method) == set()
+
+
+def test_slits_between_peaks_narrower_than_pixels_are_no_crack(tmp_path: Path) -> None:
+    """Needles a hundred times as high as wide, white noise, and an eye in the plane of a border."""
+    for index in (6769, 19642, 25117):
+        assert laws(draw_trial("chunked", 2027, index), tmp_path / str(index)) == set()
+
+
+def test_a_crack_that_no_filler_hides_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cracked = dataclasses.replace(DEEP, kind="cuts", draw={"cracks": "none"}, frames=4 * frames({}))
+    monkeypatch.setattr(search, "_natures", list)
+    monkeypatch.setattr(lod.Session, "capture", lambda *args: types.SimpleNamespace(kind=np.ones(1)))
+    assert laws(cracked, tmp_path) == {"cracks"}
 
 
 def test_an_error_that_is_not_typed_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

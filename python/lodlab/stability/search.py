@@ -48,6 +48,7 @@ LAWS = {
     "caches": "what is held on the GPU stays within its cache",
 }
 STAGES = ("build", "draw")
+FINER = 8  # times a picture's sides, to tell a crack from slits
 STILL_FRAMES = 60  # after which a cut under a still camera is fixed, paging settled
 
 
@@ -270,16 +271,27 @@ class _Player:
                 not worst > slack and found.measured_max <= metres,
                 f"{worst:.6g} px, {found.measured_max:.6g} m",
             )
-        # A picture shows a crack only where an edge lacks its opposite, and no filler is behind; pixels alone may be
-        # of a silhouette, which no sample describes between two of them.
-        edges, pixels = found.crack_edges, found.crack_pixels
-        shows = edges > 0 and (pixels > 0 or not self.session.capture(cut, view).kind.any())
-        self.note("cracks", not shows, f"{edges} crack edges, {pixels} crack pixels")
+        self.check_cracks(cut, view, found)
         for column in FLAWS:
             law = "capture" if column.startswith("capture") else "flaws"
             self.note(law, not getattr(found, column) > 0, lambda c=column: f"{getattr(found, c)} {c}")
         drawn = found.drawn_triangles
         self.note("capture", math.isnan(drawn) or drawn == cut.triangles, f"{drawn} drawn, {cut.triangles} said")
+
+    def check_cracks(self, cut: Cut, view: _core.View, found: Any) -> None:
+        """A picture shows a crack only where an edge lacks its opposite, and no filler is behind. Pixels alone may be
+        of a silhouette, which no sample describes between two of them, or of slits between peaks that are narrower
+        than they are: in a picture `FINER` times as wide a crack keeps its share, slits lose it."""
+        edges, pixels = found.crack_edges, found.crack_pixels
+        hidden = edges > 0 and self.session.capture(cut, view).kind.any()
+        shows = edges > 0 and (pixels > 0 or not hidden)
+        if shows and hidden:
+            near = {} if view.near is None else {"near": view.near}
+            size = tuple(FINER * side for side in view.size)
+            finer = _core.View(tuple(view.eye), tuple(view.target), tuple(view.up), fov=view.fov, size=size, **near)
+            again = self.examine(self.session, cut, finer).crack_pixels
+            shows = again >= 0.5 * FINER**2 * pixels
+        self.note("cracks", not shows, f"{edges} crack edges, {pixels} crack pixels")
 
     def check_last(self, flying: Session, view: _core.View, values: Mapping[str, Any], cut: Cut) -> None:
         """Still and history: the last view again."""
