@@ -195,6 +195,12 @@ glm::dvec3 FieldFrame::position(int64_t row, int64_t col, double height) const {
   return {x0 + static_cast<double>(col) * dx, y0 - static_cast<double>(row) * dy, height};
 }
 
+double FieldFrame::reach(const glm::dvec3& eye) const {
+  if (planet) return glm::length(eye) + radius + std::max(0.0, z_max);
+  const glm::dvec3 first = position(0, 0, z_min), last = position(rows - 1, cols - 1, z_max);
+  return glm::length(glm::max(glm::abs(first - eye), glm::abs(last - eye)));
+}
+
 void check_frame(const FieldFrame& frame) {
   check_grid(frame);
   if (frame.planet) check_planet(frame);

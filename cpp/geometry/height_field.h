@@ -40,6 +40,8 @@ struct FieldFrame {
   double position_step() const;
   /// World position of a sample with this height.
   glm::dvec3 position(int64_t row, int64_t col, double height) const;
+  /// How far from an eye samples lie, at most: by the box of all heights, of a planet by its radius.
+  double reach(const glm::dvec3& eye) const;
 };
 
 struct HeightField : FieldFrame {

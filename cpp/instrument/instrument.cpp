@@ -102,13 +102,6 @@ bool Instrument::has_voids() const {
 
 InView Instrument::in_view(const Camera& camera) const { return InView(grid_.frame(), has_voids(), camera); }
 
-double Instrument::slack(const glm::dvec3& eye) const {
-  const FieldFrame& f = grid_.frame();
-  if (f.planet) return world_slack(glm::length(eye) + f.radius + std::max(0.0, f.z_max));
-  const glm::dvec3 first = f.position(0, 0, f.z_min);
-  const glm::dvec3 last = f.position(f.rows - 1, f.cols - 1, f.z_max);
-  const glm::dvec3 reach = glm::max(glm::abs(first - eye), glm::abs(last - eye));
-  return world_slack(glm::length(reach));
-}
+double Instrument::slack(const glm::dvec3& eye) const { return world_slack(grid_.frame().reach(eye)); }
 
 }  // namespace lodlab::instrument

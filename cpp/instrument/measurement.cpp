@@ -242,8 +242,7 @@ const CrackPixels& Measurement::cracks() {
       out = found();
     }
     if (out.pixels > 0) {  // what moved into sight may hide what did not
-      for (const float seen : this->error_px())
-        error_px = std::isfinite(seen) ? std::fmax(error_px, seen) : error_px;
+      error_px = std::fmax(error_px, finite_max(this->error_px()));
       out = found();
     }
     const glm::dvec3 up = up_at(grid(), glm::dvec3(0.0), subject_.camera.eye);

@@ -63,6 +63,16 @@ struct PixelError {
   int64_t pixels = 0;              ///< covered pixels; nan above when there are none
 };
 
+/// The largest of distances that is finite; nan when none is.
+template <class Distances>
+double finite_max(const Distances& distances) {
+  double out = kUndefined;
+  for (const double distance : distances) {
+    if (std::isfinite(distance)) out = std::fmax(out, distance);
+  }
+  return out;
+}
+
 /// Of the distances at all pixels, kNothing left out.
 inline PixelError summarize(std::vector<double> distances) {
   std::erase_if(distances, [](double distance) { return distance < 0.0; });
@@ -70,10 +80,8 @@ inline PixelError summarize(std::vector<double> distances) {
   out.pixels = static_cast<int64_t>(distances.size());
   if (distances.empty()) return out;
   double squares = 0.0;
-  for (const double distance : distances) {
-    squares += distance * distance;
-    if (std::isfinite(distance)) out.finite_max = std::fmax(out.finite_max, distance);
-  }
+  for (const double distance : distances) squares += distance * distance;
+  out.finite_max = finite_max(distances);
   out.rms = std::sqrt(squares / static_cast<double>(distances.size()));
   const auto rank = distances.begin() + static_cast<int64_t>((distances.size() * 99 + 99) / 100) - 1;
   std::nth_element(distances.begin(), rank, distances.end());

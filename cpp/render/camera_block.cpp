@@ -34,16 +34,8 @@ glm::dvec2 eye_on_grid(const glm::dvec3& eye, const FieldFrame& frame) {
 /// (2^-16) is no denormal float (2^-126) yet.
 constexpr double kLeastDepth = 1e-25;
 
-/// How far from the eye a field's samples reach, at most.
-double reach(const glm::dvec3& eye, const FieldFrame& frame) {
-  if (frame.planet) return glm::length(eye) + frame.radius + std::max(frame.z_max, 0.0);
-  const glm::dvec3 first = frame.position(0, 0, frame.z_min),
-                   last = frame.position(frame.rows - 1, frame.cols - 1, frame.z_max);
-  return glm::length(glm::max(glm::abs(first - eye), glm::abs(last - eye)));
-}
-
 void check_depth(const Camera& camera, const FieldFrame& frame) {
-  const double least = kLeastDepth * reach(camera.eye, frame);
+  const double least = kLeastDepth * frame.reach(camera.eye);
   if (camera.near_plane >= least) return;
   char text[160];
   std::snprintf(

@@ -21,6 +21,8 @@ struct Level {
   int64_t first, first_edge;
   double width, height;  ///< of a patch, source units, as if nothing were clamped
   double length;         ///< of its edges as the metric has it: the larger of the two
+
+  int64_t id(const Patch& p) const { return first + p.y * across + p.x; }
 };
 std::vector<Level> make_levels(const Layout& layout, const FieldFrame& frame);
 
@@ -34,10 +36,7 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   int64_t vertices() const override;
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
-  int64_t id(const Patch& p) const {
-    const Level& at = level[static_cast<size_t>(p.level)];
-    return at.first + p.y * at.across + p.x;
-  }
+  int64_t id(const Patch& p) const { return level[static_cast<size_t>(p.level)].id(p); }
   /// Two bytes an edge, read on first use: the metric `distance` needs none.
   const std::vector<uint16_t>& codes() const {
     if (!read_.load(std::memory_order_acquire)) read_codes();

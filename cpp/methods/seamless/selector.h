@@ -200,7 +200,7 @@ void Selector::traverse(const Precision& precision, Scope scope, Leaf&& leaf) {
         continue;
       }
       const double most = std::max(std::max(weight[0], weight[1]), std::max(weight[2], weight[3]));
-      Active active{p, level.first + p.y * level.across + p.x, {}, step.planes != kOutside, most};
+      Active active{p, level.id(p), {}, step.planes != kOutside, most};
       for (size_t i = 0; i < 4; ++i) active.k[i] = seen.resolution(i, layout_.resolutions);
       if (!leaf(active)) return;
     }
