@@ -49,7 +49,7 @@ install_packages() {
     die "apt-get could not install: $*"
 }
 
-wanted=(g++ cmake ninja-build pkg-config ccache git doctest-dev libglm-dev libtbb-dev libmeshoptimizer-dev
+wanted=(g++ cmake ninja-build pkg-config ccache git doctest-dev libglm-dev libtbb-dev nlohmann-json3-dev libmeshoptimizer-dev
         libembree-dev libsqlite3-dev libxxhash-dev libepoxy-dev libegl1 libgl1-mesa-dri)
 openimageio="${LODLAB_OPENIMAGEIO:-ON}"
 [ "$openimageio" = OFF ] || wanted+=(libopenimageio-dev)

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "base/errors.h"
 
@@ -19,21 +20,8 @@ std::string format_real(double value) {
 }
 
 std::string json_text(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      const char* digits = "0123456789abcdef";
-      out += "\\u00";
-      out += digits[(c >> 4) & 15];
-      out += digits[c & 15];
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
+  using nlohmann::json;
+  return json(text).dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
 std::string show(const OptionValue& value) {

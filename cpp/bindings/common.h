@@ -11,7 +11,6 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <variant>
 
 #include "base/errors.h"
 #include "geometry/height_rows.h"
@@ -25,13 +24,6 @@ template <class T>
 std::shared_ptr<T> given(const char* what, std::shared_ptr<T> pointer) {
   if (pointer == nullptr) throw InvalidInput(std::string(what) + " is None");
   return pointer;
-}
-
-/// A source: in memory, or read by rows.
-using PyField = std::variant<std::shared_ptr<HeightField>, std::shared_ptr<WindowedField>>;
-
-inline void check_given(const char* what, const PyField& field) {
-  std::visit([what](const auto& pointer) { given(what, pointer); }, field);
 }
 
 /// An opened store with the method that built it.

@@ -218,31 +218,36 @@ void fill(Floats heights, const std::optional<Mask>& valid) {
   fill_voids(samples, mask, rows, cols);
 }
 
-/// Where a field lies, as properties and as a dict.
-template <class Field>
-void bind_frame(py::class_<Field, std::shared_ptr<Field>>& type) {
-  type.def_readonly("rows", &Field::rows)
-      .def_readonly("cols", &Field::cols)
-      .def_readonly("dx", &Field::dx)
-      .def_readonly("dy", &Field::dy)
-      .def_readonly("x0", &Field::x0)
-      .def_readonly("y0", &Field::y0)
-      .def_readonly("planet", &Field::planet)
-      .def_readonly("radius", &Field::radius)
-      .def_readonly("lon0", &Field::lon0)
-      .def_readonly("lat0", &Field::lat0)
-      .def_readonly("dlon", &Field::dlon)
-      .def_readonly("dlat", &Field::dlat)
-      .def_readonly("wraps", &Field::wraps)
-      .def_readonly("z_min", &Field::z_min)
-      .def_readonly("z_max", &Field::z_max)
-      .def_readonly("height_step", &Field::height_step)
-      .def_readonly("spec", &Field::spec)
-      .def("frame", [](const Field& field) { return frame_dict(field); });
+/// What all sources have, then what all grids of heights have: where they lie, as properties and as a dict.
+void bind_sources(py::module_& module) {
+  py::class_<Source, std::shared_ptr<Source>>(module, "Source", "What stores are built from.")
+      .def_property_readonly("kind", &Source::kind, "heightfield or planet.")
+      .def_property_readonly("samples", &Source::samples, "Points that it is made of.")
+      .def_readonly("spec", &Source::spec, "A SOURCE that loads it again, or empty.")
+      .def("hash", &Source::hash, "32 hex digits, of all that is measured against.",
+           py::call_guard<py::gil_scoped_release>());
+  py::class_<FieldSource, Source, std::shared_ptr<FieldSource>>(module, "FieldSource", "A grid of heights.")
+      .def_readonly("rows", &FieldSource::rows)
+      .def_readonly("cols", &FieldSource::cols)
+      .def_readonly("dx", &FieldSource::dx)
+      .def_readonly("dy", &FieldSource::dy)
+      .def_readonly("x0", &FieldSource::x0)
+      .def_readonly("y0", &FieldSource::y0)
+      .def_readonly("planet", &FieldSource::planet)
+      .def_readonly("radius", &FieldSource::radius)
+      .def_readonly("lon0", &FieldSource::lon0)
+      .def_readonly("lat0", &FieldSource::lat0)
+      .def_readonly("dlon", &FieldSource::dlon)
+      .def_readonly("dlat", &FieldSource::dlat)
+      .def_readonly("wraps", &FieldSource::wraps)
+      .def_readonly("z_min", &FieldSource::z_min)
+      .def_readonly("z_max", &FieldSource::z_max)
+      .def_readonly("height_step", &FieldSource::height_step)
+      .def("frame", [](const FieldSource& field) { return frame_dict(field); });
 }
 
 void bind_windowed(py::module_& module) {
-  py::class_<WindowedField, std::shared_ptr<WindowedField>> type(
+  py::class_<WindowedField, FieldSource, std::shared_ptr<WindowedField>> type(
       module, "WindowedField", "A grid of heights larger than memory, read by bands of rows.");
   type.def_readonly("voids", &WindowedField::voids, "Samples that are not real.");
   type.def(py::init(&windowed), py::arg("rows"), py::arg("cols"), py::arg("read"), py::kw_only(),
@@ -252,20 +257,16 @@ void bind_windowed(py::module_& module) {
            "share)`. Further keywords as HeightField's.")
       .def_static("fractal", &windowed_fractal, py::arg("rows"), py::arg("cols"), py::arg("seed"),
                   py::arg("roughness"), py::arg("scale"), py::kw_only(), py::arg("spec") = "",
-                  py::arg("progress") = py::none(), "The generated terrain, heights times `scale`.")
-      .def(
-          "hash", [](const WindowedField& field) { return field.hash; },
-          "32 hex digits: those of a HeightField of the same samples.");
-  bind_frame(type);
+                  py::arg("progress") = py::none(), "The generated terrain, heights times `scale`.");
 }
 
 }  // namespace
 
 void bind_field(py::module_& module) {
+  bind_sources(module);
   bind_windowed(module);
-  py::class_<HeightField, std::shared_ptr<HeightField>> type(module, "HeightField",
-                                                             "A grid of finite heights and where it lies.");
-  bind_frame(type);
+  py::class_<HeightField, FieldSource, std::shared_ptr<HeightField>> type(
+      module, "HeightField", "A grid of finite heights and where it lies.");
   type.def(py::init(&make), py::arg("heights").noconvert(), py::arg("valid").noconvert() = py::none(),
            py::kw_only(), py::arg("spec") = "",
            "Further keywords: those of frame() but rows, cols, z_min and z_max.")
@@ -280,8 +281,6 @@ void bind_field(py::module_& module) {
                                if (field.valid == nullptr) return py::none();
                                return view_of(field.valid, self, field);
                              })
-      .def("hash", &HeightField::hash, py::call_guard<py::gil_scoped_release>(),
-           "32 hex digits of frame, heights and mask.")
       .def("position", &positions, py::arg("rows"), py::arg("cols"),
            "World positions (N, 3) float64 of samples.");
   module.def("fill_voids", &fill, py::arg("heights").noconvert(), py::arg("valid").noconvert() = py::none(),

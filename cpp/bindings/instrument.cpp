@@ -10,7 +10,6 @@
 
 #include "base/errors.h"
 #include "bindings/session.h"
-#include "geometry/coverage.h"
 #include "gl/context.h"
 #include "instrument/measurement.h"
 #include "instrument/picture_difference.h"
@@ -59,17 +58,11 @@ std::function<double()> optimum_of(const Part& part) {
 
 class PyInstrument {
  public:
-  PyInstrument(const PyField& field, std::shared_ptr<PySession> reference) : full_(std::move(reference)) {
-    check_given("Instrument: field", field);
-    if (const auto* whole = std::get_if<std::shared_ptr<HeightField>>(&field)) {
-      instrument_ = std::make_shared<Instrument>(std::shared_ptr<const HeightField>(*whole));
-      hash_ = (*whole)->hash();
-    } else {
-      const auto& windowed = std::get<std::shared_ptr<WindowedField>>(field);
-      instrument_ = std::make_shared<Instrument>(std::shared_ptr<const WindowedField>(windowed));
-      hash_ = windowed->hash;
-      coverage_ = windowed->coverage;
-    }
+  PyInstrument(std::shared_ptr<FieldSource> source, std::shared_ptr<PySession> reference)
+      : source_(given("Instrument: source", std::move(source))),
+        instrument_(std::make_shared<Instrument>(source_)),
+        hash_(source_->hash()),
+        full_(std::move(reference)) {
     if (full_ != nullptr) check_source(*full_, "Instrument");
   }
 
@@ -120,17 +113,13 @@ class PyInstrument {
  private:
   std::shared_ptr<const render::FieldResources> resources() {
     gl::ensure_context();
-    const HeightField* field = instrument_->field();
-    if (resources_ == nullptr) {
-      resources_ = render::make_field_resources(instrument_->grid().frame(),
-                                                field != nullptr ? coverage_bits(*field) : coverage_);
-    }
+    if (resources_ == nullptr) resources_ = render::make_field_resources(*source_, source_->coverage());
     return resources_;
   }
 
+  std::shared_ptr<const FieldSource> source_;
   std::shared_ptr<Instrument> instrument_;
   std::string hash_;
-  Bytes coverage_;  ///< of a source that is read by rows
   std::shared_ptr<PySession> full_;
   std::shared_ptr<const render::FieldResources> resources_;
 };
@@ -324,7 +313,7 @@ void bind_instrument(py::module_& m) {
       m, "Instrument",
       "Measures drawn cuts of one source against it. `reference`: a session of `full` on the same source; "
       "None when no picture is to be compared. InvalidInput when a store was built from another source.")
-      .def(py::init<const PyField&, std::shared_ptr<PySession>>(), py::arg("field"),
+      .def(py::init<std::shared_ptr<FieldSource>, std::shared_ptr<PySession>>(), py::arg("source"),
            py::arg("reference") = py::none())
       .def(
           "reference",

@@ -211,15 +211,10 @@ class Building {
   std::thread thread_;  // last: it uses all the others
 };
 
-Source source_of(const PyField& field) {
-  if (const auto* whole = std::get_if<0>(&field)) return {*whole};
-  return {nullptr, std::get<1>(field)};
-}
-
-std::shared_ptr<PyStore> build(const PyField& field, const std::string& method_name,
+std::shared_ptr<PyStore> build(std::shared_ptr<Source> source, const std::string& method_name,
                                const std::filesystem::path& path, const py::dict& options,
                                const std::string& mode, const std::optional<py::function>& progress) {
-  check_given("build: source", field);
+  given("build: source", source);
   const Method& method = find_method(method_name);
   const auto values = options_from_dict(method.info().name, options);
   const BuildMode build_mode = mode_of(mode);
@@ -230,7 +225,7 @@ std::shared_ptr<PyStore> build(const PyField& field, const std::string& method_n
   };
   const py::gil_scoped_release release;
   Building building([&](const Progress& report) {
-    return with_method(build_store(source_of(field), method, values, path.string(), build_mode, report));
+    return with_method(build_store(*source, method, values, path.string(), build_mode, report));
   });
   return building.wait(tick);
 }
@@ -358,7 +353,7 @@ void bind_store(py::module_& m) {
         "The values of all options of a stage ('build' or 'draw'). InvalidInput for an unknown name or a bad "
         "value.");
   m.def(
-      "build", &build, py::arg("field"), py::arg("method"), py::arg("path"), py::arg("options") = py::dict(),
+      "build", &build, py::arg("source"), py::arg("method"), py::arg("path"), py::arg("options") = py::dict(),
       py::arg("mode") = "new", py::arg("progress") = py::none(),
       "Builds a store. `mode`: 'new', 'force' or 'resume'. `progress(stage, share)` is called at most 20 "
       "times "

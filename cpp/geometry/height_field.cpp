@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Frames of height fields: positions, checks, hash, and the JSON text that stores keep.
-// The text is flat JSON with doubles in the shortest form that reads back the same bits.
 #include "geometry/height_field.h"
 
 #define XXH_INLINE_ALL
@@ -12,13 +11,13 @@
 #include <cstdio>
 #include <limits>
 #include <mutex>
-#include <string_view>
-#include <system_error>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/angles.h"
+#include "geometry/coverage.h"
 #include "geometry/height_check.h"
 
 namespace lodlab {
@@ -111,42 +110,32 @@ void check_planet(const FieldFrame& f) {
   for (const int64_t row : {int64_t{0}, int64_t{1}, f.rows - 2, f.rows - 1}) check_parted(f, row);
 }
 
-/// Reads flat JSON objects of numbers and booleans, which is all that frames are.
-class FlatJson {
- public:
-  explicit FlatJson(const std::string& text) : text_(text) {}
-
-  std::string_view value(const char* key) const {
-    const std::string quoted = '"' + std::string(key) + "\":";
-    const size_t at = text_.find(quoted);
-    if (at == std::string::npos) fail(std::string("no \"") + key + '"');
-    const size_t begin = at + quoted.size();
-    const size_t end = text_.find_first_of(",}", begin);
-    if (end == std::string::npos) fail("it is cut short");
-    return std::string_view(text_).substr(begin, end - begin);
-  }
-  template <class T>
-  T number_of(const char* key) const {
-    const std::string_view text = value(key);
-    T out{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
-    if (error != std::errc() || end != text.data() + text.size()) {
-      fail('"' + std::string(key) + "\" is not a number: " + std::string(text));
-    }
-    return out;
-  }
-  bool flag(const char* key) const {
-    const std::string_view text = value(key);
-    if (text != "true" && text != "false") fail('"' + std::string(key) + "\" is not true or false");
-    return text == "true";
-  }
-
- private:
-  [[noreturn]] void fail(const std::string& why) const {
-    throw InvalidInput("frame of a height field: " + why);
-  }
-  const std::string& text_;
-};
+/// The members of a frame's JSON, flat, doubles in the shortest form that reads back the same bits; hashed,
+/// so that their text may not change.
+std::string members_of(const FieldFrame& f) {
+  std::string out = "\"rows\":" + std::to_string(f.rows) + ",\"cols\":" + std::to_string(f.cols);
+  const auto real = [&out](const char* key, double value) {
+    out += std::string(",\"") + key + "\":" + number(value);
+  };
+  const auto flag = [&out](const char* key, bool value) {
+    out += std::string(",\"") + key + "\":" + (value ? "true" : "false");
+  };
+  real("dx", f.dx);
+  real("dy", f.dy);
+  real("x0", f.x0);
+  real("y0", f.y0);
+  flag("planet", f.planet);
+  real("radius", f.radius);
+  real("lon0", f.lon0);
+  real("lat0", f.lat0);
+  real("dlon", f.dlon);
+  real("dlat", f.dlat);
+  flag("wraps", f.wraps);
+  real("z_min", f.z_min);
+  real("z_max", f.z_max);
+  real("height_step", f.height_step);
+  return out;
+}
 
 }  // namespace
 
@@ -268,7 +257,7 @@ std::string HeightHash::finish(const FieldFrame& frame, bool masked) const {
     const uint64_t halves[2] = {mask.low64, mask.high64};
     XXH3_128bits_update(&state, halves, sizeof halves);
   }
-  const std::string text_of_frame = frame_to_json(frame);
+  const std::string text_of_frame = '{' + members_of(frame) + '}';
   XXH3_128bits_update(&state, text_of_frame.data(), text_of_frame.size());
   const XXH128_hash_t digest = XXH3_128bits_digest(&state);
   char text[33];
@@ -302,51 +291,46 @@ std::shared_ptr<const HeightField> make_height_field(const FieldFrame& frame, co
   return field;
 }
 
-std::string frame_to_json(const FieldFrame& f) {
-  std::string out = "{\"rows\":" + std::to_string(f.rows) + ",\"cols\":" + std::to_string(f.cols);
-  const auto real = [&out](const char* key, double value) {
-    out += std::string(",\"") + key + "\":" + number(value);
-  };
-  const auto flag = [&out](const char* key, bool value) {
-    out += std::string(",\"") + key + "\":" + (value ? "true" : "false");
-  };
-  real("dx", f.dx);
-  real("dy", f.dy);
-  real("x0", f.x0);
-  real("y0", f.y0);
-  flag("planet", f.planet);
-  real("radius", f.radius);
-  real("lon0", f.lon0);
-  real("lat0", f.lat0);
-  real("dlon", f.dlon);
-  real("dlat", f.dlat);
-  flag("wraps", f.wraps);
-  real("z_min", f.z_min);
-  real("z_max", f.z_max);
-  real("height_step", f.height_step);
-  return out + '}';
+std::vector<std::byte> HeightField::coverage() const { return coverage_bits(*this); }
+
+std::string FieldSource::frame() const { return "{\"kind\":\"" + kind() + "\"," + members_of(*this) + '}'; }
+
+const FieldSource& heights_of(const Source& source, const std::string& operation) {
+  if (const auto* field = dynamic_cast<const FieldSource*>(&source)) return *field;
+  throw Unsupported(operation + " needs heights; a " + source.kind() + " has none");
+}
+
+const HeightField& field_in_memory(const Source& source, const std::string& operation) {
+  const FieldSource& field = heights_of(source, operation);
+  if (const HeightField* whole = field.whole()) return *whole;
+  throw Unsupported(operation + " needs the source in memory; its " + std::to_string(field.rows) + " x " +
+                    std::to_string(field.cols) + " samples are read by windows");
 }
 
 FieldFrame frame_from_json(const std::string& text) {
-  const FlatJson json(text);
-  FieldFrame f;
-  f.rows = json.number_of<int64_t>("rows");
-  f.cols = json.number_of<int64_t>("cols");
-  f.dx = json.number_of<double>("dx");
-  f.dy = json.number_of<double>("dy");
-  f.x0 = json.number_of<double>("x0");
-  f.y0 = json.number_of<double>("y0");
-  f.planet = json.flag("planet");
-  f.radius = json.number_of<double>("radius");
-  f.lon0 = json.number_of<double>("lon0");
-  f.lat0 = json.number_of<double>("lat0");
-  f.dlon = json.number_of<double>("dlon");
-  f.dlat = json.number_of<double>("dlat");
-  f.wraps = json.flag("wraps");
-  f.z_min = json.number_of<double>("z_min");
-  f.z_max = json.number_of<double>("z_max");
-  f.height_step = json.number_of<double>("height_step");
-  return f;
+  try {
+    const auto json = nlohmann::json::parse(text);
+    FieldFrame f;
+    json.at("rows").get_to(f.rows);
+    json.at("cols").get_to(f.cols);
+    json.at("dx").get_to(f.dx);
+    json.at("dy").get_to(f.dy);
+    json.at("x0").get_to(f.x0);
+    json.at("y0").get_to(f.y0);
+    json.at("planet").get_to(f.planet);
+    json.at("radius").get_to(f.radius);
+    json.at("lon0").get_to(f.lon0);
+    json.at("lat0").get_to(f.lat0);
+    json.at("dlon").get_to(f.dlon);
+    json.at("dlat").get_to(f.dlat);
+    json.at("wraps").get_to(f.wraps);
+    json.at("z_min").get_to(f.z_min);
+    json.at("z_max").get_to(f.z_max);
+    json.at("height_step").get_to(f.height_step);
+    return f;
+  } catch (const nlohmann::json::exception& error) {
+    throw InvalidInput(std::string("frame of a height field: ") + error.what());
+  }
 }
 
 }  // namespace lodlab

@@ -12,6 +12,9 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <string>
+#include <vector>
+
+#include "geometry/source.h"
 
 namespace lodlab {
 
@@ -44,16 +47,69 @@ struct FieldFrame {
   double reach(const glm::dvec3& eye) const;
 };
 
-struct HeightField : FieldFrame {
+/// Whole rows of a field: [first_row, end_row). The frame is that of the whole field.
+struct HeightRows : FieldFrame {
+  HeightRows(const FieldFrame& frame, const float* data, const uint8_t* mask, int64_t first, int64_t end)
+      : FieldFrame(frame), heights(data), valid(mask), first_row(first), end_row(end) {}
+
+  const float* row(int64_t r) const { return heights + (r - first_row) * cols; }
+  float at(int64_t r, int64_t col) const { return row(r)[col]; }
+
+  const float* heights;  ///< of row first_row, then those after it
+  const uint8_t* valid;  ///< likewise, 1 = real sample; null: all real, or not asked for
+  int64_t first_row, end_row;
+};
+
+/// What rows are read into where they are not in memory. Rows that the last reading gave are not read again.
+struct RowBuffer {
+  explicit RowBuffer(bool with_masks = false) : masks(with_masks) {}
+  const bool masks;  ///< whether validity is wanted too
+  std::vector<float> heights;
+  std::vector<uint8_t> valid;
+  int64_t first = 0, end = 0;
+};
+
+struct HeightField;
+
+/// Heights on a grid, in memory or read by rows: whoever needs heights asks for one. What works on bands of
+/// rows works on both alike, and equal samples give equal results and hashes whatever the bands.
+struct FieldSource : Source, FieldFrame {
+  std::string kind() const override { return planet ? "planet" : "heightfield"; }
+  std::string frame() const override;
+  int64_t samples() const override { return rows * cols; }
+
+  /// The field in memory, or null where only rows are.
+  virtual const HeightField* whole() const { return nullptr; }
+  /// Rows [first, end), or more; valid until the buffer is used again.
+  virtual HeightRows read(int64_t first, int64_t end, RowBuffer& buffer) const = 0;
+  /// Rows, about, that a pass over all of them reads at once.
+  virtual int64_t rows_at_once() const = 0;
+  virtual bool has_voids() const = 0;
+  /// The mask of coverage.h.
+  virtual std::vector<std::byte> coverage() const = 0;
+};
+
+/// The heights of a source; Unsupported, naming the operation, where it has none.
+const FieldSource& heights_of(const Source& source, const std::string& operation);
+/// The field in memory; Unsupported, naming the operation, where a source has none, or is read by windows.
+const HeightField& field_in_memory(const Source& source, const std::string& operation);
+
+struct HeightField final : FieldSource {
   const float* heights = nullptr;     ///< rows x cols, row-major, finite everywhere
   const uint8_t* valid = nullptr;     ///< rows x cols, 1 = real sample; null: all real
   std::shared_ptr<const void> owner;  ///< keeps the arrays alive
-  std::string spec;                   ///< how to load it again (SOURCE of the command line), or empty
 
   float at(int64_t row, int64_t col) const { return heights[row * cols + col]; }
   bool is_valid(int64_t row, int64_t col) const { return valid == nullptr || valid[row * cols + col] != 0; }
-  /// Hash of frame, heights and valid mask: 32 hex digits.
-  std::string hash() const;
+  operator HeightRows() const { return {*this, heights, valid, 0, rows}; }
+
+  /// Hash of frame, heights and valid mask.
+  std::string hash() const override;
+  const HeightField* whole() const override { return this; }
+  HeightRows read(int64_t, int64_t, RowBuffer&) const override { return *this; }
+  int64_t rows_at_once() const override { return rows; }
+  bool has_voids() const override { return valid != nullptr; }
+  std::vector<std::byte> coverage() const override;
 };
 
 /// Cosine and sine of an angle in degrees, exact at multiples of 90.
@@ -71,8 +127,7 @@ std::shared_ptr<const HeightField> make_height_field(const FieldFrame& frame, co
 /// equation with the real samples as boundary. A field without any real sample throws InvalidInput.
 void fill_voids(float* heights, const uint8_t* valid, int64_t rows, int64_t cols);
 
-/// The frame as JSON text and back, exact for doubles.
-std::string frame_to_json(const FieldFrame& frame);
+/// The frame of a FieldSource from its JSON text, exact for doubles.
 FieldFrame frame_from_json(const std::string& text);
 
 }  // namespace lodlab

@@ -36,33 +36,32 @@ std::shared_ptr<const WindowedField> make_windowed_field(const FieldFrame& frame
     if (progress) progress("reading", static_cast<double>(row + rows) / static_cast<double>(frame.rows));
   }
   if (field->voids == frame.rows * frame.cols) throw InvalidInput("height field: all samples are void");
-  if (field->voids > 0) field->coverage = coverage.take();
+  if (field->voids > 0) field->coverage_of_samples = coverage.take();
   set_range(*field, range);
-  field->hash = hash.finish(*field, field->voids > 0);
-  field->read = std::move(read);
+  field->hash_of_samples = hash.finish(*field, field->voids > 0);
+  field->reader = std::move(read);
   field->spec = std::move(spec);
   return field;
 }
 
-std::vector<std::byte> Bands::coverage() const {
-  return field_ != nullptr ? coverage_bits(*field_) : windowed_->coverage;
-}
-
-HeightRows Bands::rows(int64_t first, int64_t end) {
-  if (field_ != nullptr) return *field_;
-  const int64_t cols = windowed_->cols;
-  const int64_t kept_from = std::max(first, first_), kept_to = std::min(end, end_);
-  const bool keeps = first >= first_ && first < kept_to;
-  buffer_.resize(std::max(buffer_.size(), static_cast<size_t>((end - first) * cols)));
+HeightRows WindowedField::read(int64_t first, int64_t end_row, RowBuffer& b) const {
+  const int64_t kept_to = std::min(end_row, b.end), size = (end_row - first) * cols;
+  b.heights.resize(std::max(b.heights.size(), static_cast<size_t>(size)));
+  if (b.masks) b.valid.resize(b.heights.size());
   int64_t next = first;
-  if (keeps) {
-    std::copy_n(buffer_.begin() + (kept_from - first_) * cols, (kept_to - kept_from) * cols, buffer_.begin());
+  if (first >= b.first && first < kept_to) {
+    const int64_t from = (first - b.first) * cols, count = (kept_to - first) * cols;
+    std::copy_n(b.heights.begin() + from, count, b.heights.begin());
+    if (b.masks) std::copy_n(b.valid.begin() + from, count, b.valid.begin());
     next = kept_to;
   }
-  first_ = end_ = first;  // should the reader throw
-  if (next < end) windowed_->read(next, end - next, buffer_.data() + (next - first) * cols, nullptr);
-  end_ = end;
-  return {*windowed_, buffer_.data(), first, end};
+  b.first = b.end = first;  // should the reader throw
+  const int64_t at = (next - first) * cols;
+  if (next < end_row)
+    reader(next, end_row - next, b.heights.data() + at, b.masks ? b.valid.data() + at : nullptr);
+  b.end = end_row;
+  const bool masked = b.masks && has_voids();
+  return {*this, b.heights.data(), masked ? b.valid.data() : nullptr, first, end_row};
 }
 
 }  // namespace lodlab

@@ -15,35 +15,28 @@
 namespace lodlab::instrument {
 namespace {
 
-template <class Field>
-std::shared_ptr<const Field> not_null(std::shared_ptr<const Field> field) {
-  if (field == nullptr) throw InvalidInput("instrument: no height field to measure against");
-  return field;
+std::shared_ptr<const FieldSource> not_null(std::shared_ptr<const FieldSource> source) {
+  if (source == nullptr) throw InvalidInput("instrument: no source to measure against");
+  return source;
 }
 
 }  // namespace
 
-Instrument::Instrument(std::shared_ptr<const HeightField> field)
-    : field_(not_null(std::move(field))), grid_(*field_) {}
-
-Instrument::Instrument(std::shared_ptr<const WindowedField> field)
-    : windowed_(not_null(std::move(field))), grid_(*windowed_) {}
+Instrument::Instrument(std::shared_ptr<const FieldSource> source)
+    : source_(not_null(std::move(source))), grid_(*source_) {}
 
 void Instrument::for_parts(const std::function<void(const HeightField&, const SampleGrid&)>& visit) const {
-  if (field_ != nullptr) return visit(*field_, grid_);
-  const FieldFrame& whole = *windowed_;
-  const int64_t step = windowed_->rows_at_once();
-  std::vector<float> heights(static_cast<size_t>(step * whole.cols));
-  std::vector<uint8_t> valid(heights.size());
+  const FieldSource& whole = *source_;
+  RowBuffer buffer(true);
   HeightField part;
-  for (int64_t row = 0; row < whole.rows; row += step) {
+  for (int64_t row = 0, step = whole.rows_at_once(); row < whole.rows; row += step) {
+    const HeightRows rows = whole.read(row, std::min(row + step, whole.rows), buffer);
     static_cast<FieldFrame&>(part) = whole;
-    part.rows = std::min(step, whole.rows - row);
+    part.rows = rows.end_row - rows.first_row;
     part.y0 = whole.y0 - static_cast<double>(row) * whole.dy;
     part.lat0 = whole.planet ? whole.latitude(row) : whole.lat0;
-    part.heights = heights.data();
-    part.valid = windowed_->voids > 0 ? valid.data() : nullptr;
-    windowed_->read(row, part.rows, heights.data(), valid.data());
+    part.heights = rows.heights;
+    part.valid = rows.valid;
     visit(part, SampleGrid(part));
   }
 }
@@ -60,13 +53,13 @@ int64_t Reference::bytes() const {
 
 std::shared_ptr<const Reference> Instrument::reference(const Camera& camera,
                                                        const render::DrawCall& draw_full) const {
-  if (grid_.size() > kMostPictureSamples) return nullptr;
+  if (source_->samples() > kMostPictureSamples) return nullptr;
   auto out = std::make_shared<Reference>();
   out->camera = camera;
   out->shade = render::draw_picture(camera, render::Show::kShade, draw_full);
   const Camera wide = with_margin(camera);
   out->classes = render::draw_picture(wide, render::Show::kClass, draw_full);
-  if (has_voids()) {
+  if (source_->has_voids()) {
     leave_out_voids(out->classes, render::draw_picture(wide, render::Show::kShade, draw_full));
   }
   keep_margin(out->classes.depth, wide, camera);
@@ -96,11 +89,9 @@ void Instrument::check_near(const glm::dvec3& eye) const {
   throw InvalidInput(text);
 }
 
-bool Instrument::has_voids() const {
-  return field_ != nullptr ? field_->valid != nullptr : windowed_->voids > 0;
+InView Instrument::in_view(const Camera& camera) const {
+  return InView(*source_, source_->has_voids(), camera);
 }
-
-InView Instrument::in_view(const Camera& camera) const { return InView(grid_.frame(), has_voids(), camera); }
 
 double Instrument::slack(const glm::dvec3& eye) const { return world_slack(grid_.frame().reach(eye)); }
 

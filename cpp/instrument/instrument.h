@@ -38,12 +38,10 @@ struct Reference {
 
 class Instrument {
  public:
-  explicit Instrument(std::shared_ptr<const HeightField> field);
-  /// Measures band by band, reading all rows for every measurement.
-  explicit Instrument(std::shared_ptr<const WindowedField> field);
+  /// Of a source that is read by rows it measures band by band, reading all rows for every measurement.
+  explicit Instrument(std::shared_ptr<const FieldSource> source);
 
-  /// The field in memory; null where it is read by rows.
-  const HeightField* field() const { return field_.get(); }
+  const FieldSource& source() const { return *source_; }
   /// Calls visit(part, its grid) for bands of rows, fields by themselves, that have each sample once.
   void for_parts(const std::function<void(const HeightField&, const SampleGrid&)>& visit) const;
   const SampleGrid& grid() const { return grid_; }
@@ -62,10 +60,7 @@ class Instrument {
   void check_near(const glm::dvec3& eye) const;
 
  private:
-  bool has_voids() const;
-
-  std::shared_ptr<const HeightField> field_;
-  std::shared_ptr<const WindowedField> windowed_;
+  std::shared_ptr<const FieldSource> source_;
   SampleGrid grid_;
 };
 

@@ -56,10 +56,7 @@ const render::Captured& Measurement::whole() {
 }
 
 const HeightField& Measurement::field() const {
-  if (in_memory()) return *instrument_->field();
-  const FieldFrame& f = grid().frame();
-  throw Unsupported("measure: this needs the source in memory; its " + std::to_string(f.rows) + " x " +
-                    std::to_string(f.cols) + " samples are read by windows");
+  return field_in_memory(instrument_->source(), "measure: this");
 }
 
 DrawnSurface Measurement::rasterize(const HeightField& field, const SampleGrid& grid,

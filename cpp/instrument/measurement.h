@@ -92,7 +92,7 @@ class Measurement {
   const Orientation& orientation();
   DrawnSurface rasterize(const HeightField& field, const SampleGrid& grid, const render::Captured& captured,
                          std::vector<float>* worst) const;
-  bool in_memory() const { return instrument_->field() != nullptr; }
+  bool in_memory() const { return instrument_->source().whole() != nullptr; }
   /// Unsupported where the source is read by rows.
   const HeightField& field() const;
   const SampleGrid& grid() const { return instrument_->grid(); }

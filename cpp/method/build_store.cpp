@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "base/errors.h"
+#include "geometry/height_field.h"
 #include "method/method.h"
 
 namespace lodlab {
@@ -27,17 +28,13 @@ std::string show(double value) {
 }
 
 void check_accepts(const MethodInfo& info, const Source& source) {
-  const FieldFrame& frame = source.frame();
-  const char* kind = frame.planet ? "planet" : "heightfield";
+  const std::string kind = source.kind();
   if (!lists(info.accepts, kind)) {
     throw Unsupported("build: method " + info.name + " does not accept a " + kind + "; it accepts " +
                       join(info.accepts));
   }
-  if (source.field == nullptr && !info.by_rows) {
-    throw Unsupported("build: method " + info.name + " needs the source in memory; its " +
-                      std::to_string(frame.rows) + " x " + std::to_string(frame.cols) +
-                      " samples are read by windows");
-  }
+  if (!info.by_rows && dynamic_cast<const FieldSource*>(&source) != nullptr)
+    field_in_memory(source, "build: method " + info.name);
 }
 
 }  // namespace
@@ -46,13 +43,9 @@ std::shared_ptr<const Store> build_store(const Source& source, const Method& met
                                          const std::map<std::string, OptionValue>& options,
                                          const std::string& path, BuildMode mode, const Progress& progress) {
   const MethodInfo& info = method.info();
-  if (source.field == nullptr && source.windowed == nullptr)
-    throw InvalidInput("build: the source has no height field");
   check_accepts(info, source);
   const Options resolved = resolve_options(info.name, info.options, Stage::kBuild, options);
-  const bool whole = source.field != nullptr;
-  const StoreMeta meta{info.name, resolved.to_json(), whole ? source.field->hash() : source.windowed->hash,
-                       whole ? source.field->spec : source.windowed->spec, frame_to_json(source.frame())};
+  const StoreMeta meta{info.name, resolved.to_json(), source.hash(), source.spec, source.frame()};
   {
     StoreWriter writer(path, meta, mode);
     method.build(source, resolved, writer, [&](const std::string& stage, double share) {

@@ -17,8 +17,7 @@
 #include "base/options.h"
 #include "base/progress.h"
 #include "geometry/bounds.h"
-#include "geometry/height_field.h"
-#include "geometry/height_rows.h"
+#include "geometry/source.h"
 #include "geometry/view.h"
 #include "render/pass.h"
 #include "store/store.h"
@@ -30,16 +29,6 @@ struct Budget {
   std::optional<double> pixel_error;  ///< target for the projected error, pixels
   std::optional<int64_t> triangles;   ///< hard limit on submitted triangles, fillers included
   std::optional<int64_t> nodes;       ///< hard limit on submitted nodes
-};
-
-/// What a method builds from. Meshes join here with the first method that accepts them.
-struct Source {
-  std::shared_ptr<const HeightField> field;                 ///< in memory, or
-  std::shared_ptr<const WindowedField> windowed = nullptr;  ///< read by rows, where MethodInfo::by_rows
-
-  const FieldFrame& frame() const {
-    return field != nullptr ? static_cast<const FieldFrame&>(*field) : *windowed;
-  }
 };
 
 struct MethodInfo {

@@ -28,11 +28,12 @@ struct Opened {
   std::string content_hash;
 };
 
-inline Opened open(const Source& source, const OptionValues& options) {
+/// The store of a field, in memory or read by rows; what is opened has no field where it was read by rows.
+inline Opened open(const std::shared_ptr<const FieldSource>& source, const OptionValues& options) {
   const testing::TemporaryFolder folder;
-  const auto store = build_store(source, seamless_method(), options, folder / "a.lod", BuildMode::kNew, {});
+  const auto store = build_store(*source, seamless_method(), options, folder / "a.lod", BuildMode::kNew, {});
   auto hierarchy = std::dynamic_pointer_cast<const Hierarchy>(seamless_method().open(store));
-  return {source.field, std::move(hierarchy), store->content_hash()};
+  return {std::dynamic_pointer_cast<const HeightField>(source), std::move(hierarchy), store->content_hash()};
 }
 
 inline OptionValues shape(int64_t patch, int64_t resolutions) {

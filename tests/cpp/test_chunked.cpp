@@ -60,7 +60,7 @@ std::shared_ptr<const Store> build(const Field& field, const std::map<std::strin
   const auto path =
       (std::filesystem::temp_directory_path() / ("test_chunked_" + std::to_string(::getpid()) + ".lod"))
           .string();
-  auto store = build_store({field.field}, chunked_method(), options, path, BuildMode::kForce, progress);
+  auto store = build_store(*field.field, chunked_method(), options, path, BuildMode::kForce, progress);
   std::filesystem::remove(path);  // the open file stays readable
   return store;
 }

@@ -47,7 +47,7 @@ Built build(FieldFrame frame) {
                   delete file;
                 }};
   const Method& full = find_method("full");
-  const auto store = build_store({built.field}, full, {}, path.string(), BuildMode::kForce, {});
+  const auto store = build_store(*built.field, full, {}, path.string(), BuildMode::kForce, {});
   built.hierarchy = full.open(store);
   built.session = built.hierarchy->session(resolve_options("full", full.info().options, Stage::kDraw, {}));
   return built;

@@ -103,14 +103,17 @@ TEST_CASE("cosine and sine in degrees agree with radians") {
 }
 
 TEST_CASE("the frame survives its JSON text bit for bit") {
-  FieldFrame frame = earth_frame();
+  HeightField frame;
+  static_cast<FieldFrame&>(frame) = earth_frame();
   frame.dx = 0.1;
   frame.x0 = -1.0 / 3.0;
   frame.z_min = -10376.0;
   frame.z_max = 1e-300;
   frame.height_step = 0.3;
-  const FieldFrame back = frame_from_json(frame_to_json(frame));
-  CHECK(frame_to_json(back) == frame_to_json(frame));
+  HeightField back;
+  static_cast<FieldFrame&>(back) = frame_from_json(frame.frame());
+  CHECK(frame.frame().starts_with(R"({"kind":"planet",)"));
+  CHECK(back.frame() == frame.frame());
   CHECK(back.x0 == frame.x0);
   CHECK(back.wraps);
   CHECK_THROWS_AS(frame_from_json("{}"), InvalidInput);

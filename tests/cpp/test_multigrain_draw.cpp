@@ -52,7 +52,7 @@ struct Opened {
 
   Opened(const Method& method, const Field& source, const OptionValues& options) : field(source) {
     const testing::TemporaryFolder folder;
-    hierarchy = method.open(build_store({field}, method, options, folder / "a.lod", BuildMode::kNew, {}));
+    hierarchy = method.open(build_store(*field, method, options, folder / "a.lod", BuildMode::kNew, {}));
     session =
         hierarchy->session(resolve_options(method.info().name, method.info().options, Stage::kDraw, {}));
   }

@@ -44,8 +44,7 @@ struct Opened {
 
 Opened open(const Field& field, const OptionValues& options) {
   const testing::TemporaryFolder folder;
-  const auto store =
-      build_store({field}, multigrain_method(), options, folder / "a.lod", BuildMode::kNew, {});
+  const auto store = build_store(*field, multigrain_method(), options, folder / "a.lod", BuildMode::kNew, {});
   return {field, std::dynamic_pointer_cast<const Forest>(multigrain_method().open(store))};
 }
 
@@ -671,7 +670,7 @@ TEST_CASE("a build that was stopped goes on to the same store") {
   const Field field = flat(150, 170, 41);
   const testing::TemporaryFolder folder;
   const auto build = [&](const std::string& name, BuildMode mode, const Progress& progress) {
-    return build_store({field}, multigrain_method(), shape(64, 3, 16), folder / name, mode, progress)
+    return build_store(*field, multigrain_method(), shape(64, 3, 16), folder / name, mode, progress)
         ->content_hash();
   };
   const std::string whole = build("a.lod", BuildMode::kNew, {});

@@ -47,7 +47,7 @@ struct Opened {
   Opened(const Field& source, const OptionValues& build, const OptionValues& draw = {}) : field(source) {
     const Method& method = seamless_method();
     const testing::TemporaryFolder folder;
-    hierarchy = method.open(build_store({field}, method, build, folder / "a.lod", BuildMode::kNew, {}));
+    hierarchy = method.open(build_store(*field, method, build, folder / "a.lod", BuildMode::kNew, {}));
     session =
         hierarchy->session(resolve_options(method.info().name, method.info().options, Stage::kDraw, draw));
   }

@@ -161,7 +161,7 @@ TEST_CASE("no tile or strip of any patch is farther from the samples than the bo
   for (const Case& c : cases()) {
     CAPTURE(c.name);
     std::vector<double> ratios;
-    check_bounds(open({c.field}, c.options), ratios);
+    check_bounds(open(c.field, c.options), ratios);
     if (ratios.empty()) continue;
     // A code is 6 % with two resolutions, 26 % with three; the other side of an edge counts, too.
     const double middle = median(ratios), most = *std::max_element(ratios.begin(), ratios.end());
@@ -188,7 +188,7 @@ TEST_CASE("fields of any size and options: bounds hold") {
 TEST_CASE("bounds nest: no refinement of an edge and no split raises one") {
   for (const Case& c : cases()) {
     CAPTURE(c.name);
-    const Opened opened = open({c.field}, c.options);
+    const Opened opened = open(c.field, c.options);
     const Tree& tree = *opened.hierarchy;
     const Layout& layout = tree.layout;
     const int finest = layout.resolutions - 1;
@@ -207,7 +207,7 @@ TEST_CASE("bounds nest: no refinement of an edge and no split raises one") {
 TEST_CASE("weights are what claim 1 needs: at least half of a patch's others, a child's at most its edge's") {
   for (const Case& c : cases()) {
     CAPTURE(c.name);
-    const Opened opened = open({c.field}, c.options);
+    const Opened opened = open(c.field, c.options);
     const Tree& tree = *opened.hierarchy;
     const Layout& layout = tree.layout;
     const CodeBook& book = tree.book();
@@ -271,7 +271,7 @@ TEST_CASE("level ground has no error at all, a plane none but rounding") {
 TEST_CASE("a spike of 1000 is an error of 1000 wherever it is no vertex, and nothing where it is one") {
   for (const int64_t resolutions : {2, 3}) {
     const Field field = synthetic::field(synthetic::flat(65, 65), spike(33, 21));
-    const Opened opened = open({field}, shape(8, resolutions));
+    const Opened opened = open(field, shape(8, resolutions));
     const Tree& tree = *opened.hierarchy;
     const int finest = static_cast<int>(resolutions) - 1;
     CHECK(tree.bound({0, 0, 0}, {0, 0, 0, 0}) >= 1000.0);
@@ -290,7 +290,7 @@ TEST_CASE("finest_error: the last level's stride is the coarsest whose error is 
     for (const double finest_error : {0.0, 0.05, 0.5, 5.0, 1e6}) {
       OptionValues options = shape(8, resolutions);
       options["finest_error"] = finest_error;
-      const Opened opened = open({field}, options), by_rows = open({nullptr, windowed(field)}, options);
+      const Opened opened = open(field, options), by_rows = open(windowed(field), options);
       CHECK(opened.content_hash == by_rows.content_hash);
       const Layout& layout = opened.hierarchy->layout;
       CHECK(opened.hierarchy->last_error <= finest_error);

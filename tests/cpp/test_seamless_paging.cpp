@@ -31,7 +31,7 @@ struct OnDisk {
 
   OnDisk(const Field& field, const OptionValues& options)
       : hierarchy(std::dynamic_pointer_cast<const seamless::Hierarchy>(seamless_method().open(
-            build_store({field}, seamless_method(), options, folder / "a.lod", BuildMode::kNew, {})))) {}
+            build_store(*field, seamless_method(), options, folder / "a.lod", BuildMode::kNew, {})))) {}
 };
 
 struct Pager {

@@ -81,7 +81,7 @@ TEST_CASE("pages hold the heights of their lattices") {
       CAPTURE(pyramid);
       OptionValues options = c.options;
       options["pyramid"] = std::string(pyramid);
-      check_pages(open({c.field}, options), options["pyramid"] == OptionValue(std::string("average")));
+      check_pages(open(c.field, options), options["pyramid"] == OptionValue(std::string("average")));
     }
   }
 }
@@ -89,7 +89,7 @@ TEST_CASE("pages hold the heights of their lattices") {
 TEST_CASE("patches cover the field once at every level, and lie in their parents") {
   for (const Case& c : cases()) {
     CAPTURE(c.name);
-    const Opened opened = open({c.field}, c.options);
+    const Opened opened = open(c.field, c.options);
     const Layout& layout = opened.hierarchy->layout;
     REQUIRE(layout.across(0) == 1);
     REQUIRE(layout.down(0) == 1);
@@ -123,11 +123,11 @@ TEST_CASE("equal samples give equal stores: by rows, with one thread or two") {
       OptionValues options = c.options;
       options["pyramid"] = std::string(pyramid);
       set_thread_count(1);
-      const std::string one = open({c.field}, options).content_hash;
+      const std::string one = open(c.field, options).content_hash;
       set_thread_count(2);
-      CHECK(open({c.field}, options).content_hash == one);
-      CHECK(open({nullptr, windowed(c.field)}, options).content_hash == one);
-      CHECK(open({nullptr, windowed(c.field, 1)}, options).content_hash == one);
+      CHECK(open(c.field, options).content_hash == one);
+      CHECK(open(windowed(c.field), options).content_hash == one);
+      CHECK(open(windowed(c.field, 1), options).content_hash == one);
       set_thread_count(0);
     }
   }
@@ -150,7 +150,7 @@ TEST_CASE("voids: the mask of cells is kept, in memory and by rows") {
   std::vector<uint8_t> valid(90 * 70, 1);
   for (size_t i = 0; i < valid.size(); ++i) valid[i] = i % 70 > 20 && i % 70 < 40 && i / 70 > 30 ? 0 : 1;
   const Field field = synthetic::field(synthetic::flat(90, 70), rough(61), valid);
-  const Opened opened = open({field}, shape(8, 2)), by_rows = open({nullptr, windowed(field)}, shape(8, 2));
+  const Opened opened = open(field, shape(8, 2)), by_rows = open(windowed(field), shape(8, 2));
   CHECK(opened.hierarchy->coverage() == coverage_bits(*field));
   CHECK(by_rows.content_hash == opened.content_hash);
   CHECK(open({flat(20, 20, 1)}, shape(8, 2)).hierarchy->coverage().empty());
@@ -160,8 +160,7 @@ TEST_CASE("a build that was stopped goes on to the same store") {
   const Field field = flat(150, 170, 41);
   const testing::TemporaryFolder folder;
   const auto build = [&](const std::string& name, BuildMode mode, const Progress& progress) {
-    return build_store({field}, seamless_method(), shape(8, 2), folder / name, mode, progress)
-        ->content_hash();
+    return build_store(*field, seamless_method(), shape(8, 2), folder / name, mode, progress)->content_hash();
   };
   double last = 0.0;
   const std::string whole = build("a.lod", BuildMode::kNew, [&](const std::string&, double share) {
@@ -184,7 +183,7 @@ TEST_CASE("a store whose arrays do not fit its field is refused, and says why") 
                            const std::vector<double>& scales) {
     const std::string path = folder / "a.lod";
     {
-      StoreWriter writer(path, {"seamless", "{}", "cafe", "", frame_to_json(*field)}, BuildMode::kForce);
+      StoreWriter writer(path, {"seamless", "{}", "cafe", "", field->frame()}, BuildMode::kForce);
       writer.put_array("layout", as_bytes(layout));
       writer.put_array("typical", as_bytes(std::vector<double>(means)));
       writer.put_array("scales", as_bytes(scales));

@@ -119,8 +119,7 @@ void nest(std::vector<Node>& nodes, const std::vector<uint8_t>& rounded, double 
 
 }  // namespace
 
-void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress) {
-  const HeightField& field = *source.field;
+void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress) {
   const auto leaf = static_cast<int32_t>(options.integer("leaf"));
   if ((leaf & (leaf - 1)) != 0) {
     throw InvalidInput("chunked: option leaf = " + std::to_string(leaf) + " is not a power of two");

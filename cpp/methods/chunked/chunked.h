@@ -6,6 +6,6 @@
 
 namespace lodlab::chunked {
 
-void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress);
+void build(const HeightField& field, const Options& options, StoreWriter& writer, const Progress& progress);
 
 }  // namespace lodlab::chunked

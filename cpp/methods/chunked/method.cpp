@@ -83,7 +83,7 @@ class Chunked : public Method {
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    chunked::build(source, options, writer, progress);
+    chunked::build(field_in_memory(source, "build: method chunked"), options, writer, progress);
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
     return std::make_shared<ChunkedHierarchy>(std::move(store));

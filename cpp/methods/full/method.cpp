@@ -41,7 +41,7 @@ class Full : public Method {
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    full::build(*source.field, options, writer, progress);
+    full::build(field_in_memory(source, "build: method full"), options, writer, progress);
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
     return std::make_shared<FullHierarchy>(std::move(store));

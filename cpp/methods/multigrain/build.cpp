@@ -189,9 +189,9 @@ struct Step {
   int64_t above, below;  ///< rows that are needed, [above, below)
 };
 
-std::vector<Step> steps_of(const Bands& bands, const Layout& layout, int side_log2) {
+std::vector<Step> steps_of(const FieldSource& field, const Layout& layout, int side_log2) {
   const int64_t pitch = layout.blocks_x(), blocks = pitch * layout.blocks_y();
-  if (bands.whole() != nullptr) return {{0, layout.last_row(), 0, blocks, 0, layout.rows}};
+  if (field.whole() != nullptr) return {{0, layout.last_row(), 0, blocks, 0, layout.rows}};
   const int64_t per_step = int64_t{1} << (side_log2 - layout.block_log2());
   std::vector<Step> steps;
   for (int64_t y = 0; y < layout.blocks_y(); y += per_step) {
@@ -204,7 +204,7 @@ std::vector<Step> steps_of(const Bands& bands, const Layout& layout, int side_lo
               0};
     for (int64_t i = y; i < next; ++i) {
       const Block block(layout, i * pitch);  // none is wider
-      const Reach beyond = rows_beyond(bands.frame(), block);
+      const Reach beyond = rows_beyond(field, block);
       step.above = std::min(step.above, block.row - beyond.above);
       step.below = std::max(step.below, block.row + block.height + beyond.below + 1);
     }
@@ -222,17 +222,17 @@ Progress part_of(const Progress& progress, double from, double to) {
 
 }  // namespace
 
-void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress) {
-  const Layout layout = choose_layout(bands.frame(), options);
+void build(const FieldSource& field, const Options& options, StoreWriter& writer, const Progress& progress) {
+  const Layout layout = choose_layout(field, options);
   const Bounds bounds = options.text("bounds") == "drawn" ? Bounds::kDrawn : Bounds::kBilinear;
   const double finest_error = options.real("finest_error");
   const std::string& attribute = options.text("attribute");
-  if (!attribute.empty()) put_colors(attribute, bands.frame(), map_user(layout), writer, progress);
+  if (!attribute.empty()) put_colors(attribute, field, map_user(layout), writer, progress);
   const Tiles tiles(layout);
-  std::vector<Step> steps = steps_of(bands, layout, tiles.side_log2());
+  std::vector<Step> steps = steps_of(field, layout, tiles.side_log2());
   std::optional<NormalsWriter> normals;
   if (has_normals(options)) {
-    normals.emplace(bands.frame(), map_user(layout), writer);
+    normals.emplace(field, map_user(layout), writer);
     for (Step& step : steps) step.above = std::min(step.above, normals->normals().first_needed(step.first));
   }
   const double half = 0.5 / static_cast<double>(steps.size());
@@ -243,13 +243,14 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   BlockErrors errors = no_errors(layout);
   std::vector<Box> boxes(errors.low.size());
   std::vector<float> fringe;
+  RowBuffer buffer;
   double share = 0.0;
   const auto next_part = [&] {
     share += half;
     return part_of(progress, share - half, share);
   };
   for (const Step& step : steps) {
-    const HeightRows rows = bands.rows(step.above, step.below);
+    const HeightRows rows = field.read(step.above, step.below, buffer);
     measure_errors(rows, layout, bounds, step.first_block, step.end_block, errors, next_part());
     parallel_for(step.end_block - step.first_block, 16, [&](int64_t begin, int64_t end) {
       for (int64_t i = step.first_block + begin; i < step.first_block + end; ++i)
@@ -266,9 +267,9 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   if (!at_once) {
     TileWriter drawn(tiles, drawn_tiles(layout, tiles, forest.nodes), writer);
     for (const Step& step : steps)
-      drawn.take(bands.rows(step.first, step.end + 1), step.first, step.end, next_part());
+      drawn.take(field.read(step.first, step.end + 1, buffer), step.first, step.end, next_part());
   }
-  const Bytes coverage = bands.coverage();
+  const Bytes coverage = field.coverage();
   if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
   writer.put_array("layout",
                    as_bytes(std::vector<int32_t>{layout.chart_log2, layout.levels, layout.most_log2}));
@@ -276,7 +277,7 @@ void build(Bands bands, const Options& options, StoreWriter& writer, const Progr
   writer.put_array("resolutions", as_bytes(forest.resolutions));
   writer.put_array("own", as_bytes(errors.own));
   writer.put_array("strips", as_bytes(errors.strips));
-  if (bands.frame().planet) writer.put_array("high", as_bytes(errors.high));
+  if (field.planet) writer.put_array("high", as_bytes(errors.high));
   if (!fringe.empty()) writer.put_array("fringe", as_bytes(fringe));
   writer.put_meta("bounds", options.text("bounds"));
 }

@@ -90,8 +90,7 @@ class Multigrain : public Method {
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    multigrain::build(source.field != nullptr ? Bands(source.field) : Bands(source.windowed), options, writer,
-                      progress);
+    multigrain::build(heights_of(source, "build: method multigrain"), options, writer, progress);
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
     return std::make_shared<Forest>(std::move(store));

@@ -30,6 +30,6 @@ Occluder make_occluder(const Forest& forest);
 /// Triangles of a grid: two a cell, one beside a pole; and of its fringe.
 int64_t triangle_count(const Layout& layout, const Node& node, int resolution);
 
-void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress);
+void build(const FieldSource& field, const Options& options, StoreWriter& writer, const Progress& progress);
 
 }  // namespace lodlab::multigrain

@@ -59,16 +59,16 @@ struct Band {
   int64_t first, end;
 };
 
-std::vector<Band> bands_of(const Bands& bands) {
-  const int64_t rows = bands.frame().rows, step = bands.whole() != nullptr ? rows : kBand;
+std::vector<Band> bands_of(const FieldSource& field) {
+  const int64_t rows = field.rows, step = field.whole() != nullptr ? rows : kBand;
   std::vector<Band> out;
   for (int64_t first = 0; first < rows - 1; first += step)
     out.push_back({first, first + step < rows - 1 ? first + step : rows});
   return out;
 }
 
-HeightRows read(Bands& bands, const Band& band) {
-  return bands.rows(std::max<int64_t>(band.first - 1, 0), std::min(band.end + 2, bands.frame().rows));
+HeightRows read(const FieldSource& field, const Band& band, RowBuffer& buffer) {
+  return field.read(std::max<int64_t>(band.first - 1, 0), std::min(band.end + 2, field.rows), buffer);
 }
 
 /// The patches of levels from `least` on that meet a band, each with its rows there, kBand of them at most.
@@ -134,31 +134,31 @@ int measured_of(const Layout& layout, int level) {
 
 class Builder {
  public:
-  Builder(Bands& bands, const Options& options, const Progress& progress)
-      : bands_(bands),
-        shape_(shape_of(options, bands.frame())),
-        steps_(bands_of(bands)),
+  Builder(const FieldSource& field, const Options& options, const Progress& progress)
+      : field_(field),
+        shape_(shape_of(options, field)),
+        steps_(bands_of(field)),
         options_(options),
         finest_error_(options.real("finest_error")),
         parts_(steps_.size() * (finest_error_ > 0.0 ? 3 : 2)),
         progress_(progress),
         mesh_(shape_.patch_log2, shape_.resolutions),
-        pyramid_(bands.frame(), options.text("pyramid") == "average") {}
+        pyramid_(field, options.text("pyramid") == "average") {}
 
   void run(StoreWriter& writer) {
     for (const Band& band : steps_) {
-      pyramid_.take(read(bands_, band), band.first, band.end);
+      pyramid_.take(read(field_, band, buffer_), band.first, band.end);
       next_part()("heights", 1.0);
     }
     pyramid_.finish();
     const Layout layout = layout_with(finest_log2());
     if (const std::string& file = options_.text("attribute"); !file.empty())
-      put_colors(file, bands_.frame(), map_user(layout), writer, progress_);
+      put_colors(file, field_, map_user(layout), writer, progress_);
     std::optional<NormalsWriter> normals;
-    if (has_normals(options_)) normals.emplace(bands_.frame(), map_user(layout), writer);
+    if (has_normals(options_)) normals.emplace(field_, map_user(layout), writer);
     PatchErrors errors(layout);
     for (const Band& band : steps_) {
-      const HeightRows rows = read(bands_, band);
+      const HeightRows rows = read(field_, band, buffer_);
       if (normals) normals->take(rows, band.end, progress_);
       for_shares(layout, mesh_, pyramid_, shares_of(layout, band, 0), next_part(),
                  [&](Measurer& measurer, const Share& share) {
@@ -168,7 +168,7 @@ class Builder {
                    measurer.measure(rows, share, 0, measured_of(layout, share.patch.level), errors);
                  });
     }
-    const Closed closed = close_errors(layout, make_levels(layout, bands_.frame()), errors);
+    const Closed closed = close_errors(layout, make_levels(layout, field_), errors);
     writer.put_array("layout", as_bytes(std::vector<int32_t>{layout.patch_log2, layout.resolutions,
                                                              layout.finest_log2, layout.levels}));
     writer.put_array("codes", as_bytes(closed.codes));
@@ -179,7 +179,7 @@ class Builder {
 
  private:
   Layout layout_with(int finest_log2) const {
-    return make_layout(bands_.frame(), shape_.patch_log2, shape_.resolutions, finest_log2);
+    return make_layout(field_, shape_.patch_log2, shape_.resolutions, finest_log2);
   }
   Progress next_part() {
     ++part_;
@@ -194,7 +194,7 @@ class Builder {
     while (layout_with(most).levels > 1) ++most;
     std::vector<uint8_t> within(static_cast<size_t>(most + 1), 1);
     for (const Band& band : steps_) {
-      const HeightRows rows = read(bands_, band);
+      const HeightRows rows = read(field_, band, buffer_);
       const Progress progress = next_part();
       for (int a = 1; a <= most; ++a) {
         if (within[static_cast<size_t>(a)] == 0) continue;
@@ -218,7 +218,8 @@ class Builder {
     return most;
   }
 
-  Bands& bands_;
+  const FieldSource& field_;
+  RowBuffer buffer_;
   const Shape shape_;
   const std::vector<Band> steps_;
   const Options& options_;
@@ -232,9 +233,9 @@ class Builder {
 
 }  // namespace
 
-void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress) {
-  Builder(bands, options, progress).run(writer);
-  const Bytes coverage = bands.coverage();
+void build(const FieldSource& field, const Options& options, StoreWriter& writer, const Progress& progress) {
+  Builder(field, options, progress).run(writer);
+  const Bytes coverage = field.coverage();
   if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
 }
 

@@ -128,8 +128,7 @@ class Seamless : public Method {
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    seamless::build(source.field != nullptr ? Bands(source.field) : Bands(source.windowed), options, writer,
-                    progress);
+    seamless::build(heights_of(source, "build: method seamless"), options, writer, progress);
   }
   std::shared_ptr<const lodlab::Hierarchy> open(std::shared_ptr<const Store> store) const override {
     return std::make_shared<Hierarchy>(std::move(store));

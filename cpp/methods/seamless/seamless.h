@@ -24,6 +24,6 @@ Layout make_layout(const FieldFrame& frame, int patch_log2, int resolutions, int
 /// Floats of a page.
 int64_t page_samples(const Layout& layout, bool averaged);
 
-void build(Bands bands, const Options& options, StoreWriter& writer, const Progress& progress);
+void build(const FieldSource& field, const Options& options, StoreWriter& writer, const Progress& progress);
 
 }  // namespace lodlab::seamless

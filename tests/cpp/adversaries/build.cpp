@@ -128,7 +128,7 @@ Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heigh
 
 void Family::build(const Source& source, const Options& options, StoreWriter& writer,
                    const Progress& progress) const {
-  const HeightField& field = *source.field;
+  const HeightField& field = field_in_memory(source, "build: " + info_.name);
   if ((field.rows - 1) % kSide != 0 || (field.cols - 1) % kSide != 0 || field.valid != nullptr) {
     throw Unsupported("build: " + info_.name +
                       " takes fields of 16 n + 1 samples a side without voids; given " +
