@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lodlab.sources import data_folder
+from lodlab.sources.spec import data_folder
 
 
 @pytest.fixture(scope="session")

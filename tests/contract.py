@@ -26,7 +26,7 @@ import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
 from lodlab.instrument.audit import any_cut
-from lodlab.metrics import pixel_slack
+from lodlab.instrument.metrics import pixel_slack
 from lodlab.stability import fields, trials
 from tests.pictures import assert_same_picture
 

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, bench, bench_multigrain, datasets
+from lodlab import _core, datasets
+from lodlab.bench import multigrain, suite
 from lodlab.errors import InvalidInput
-from lodlab.paths import CameraPath
+from lodlab.paths.path import CameraPath
 
 FIELDS = {
     "bench", "case", "value", "unit", "reference", "reference_value", "ratio", "device", "commit", "options", "seed",
@@ -26,23 +27,23 @@ FIELDS = {
 
 
 def record(**values):
-    return bench.record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
+    return suite.record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
 
 
 def test_bootstrap_interval_holds_the_median_and_narrows_with_samples():
     noise = np.random.default_rng(3).normal(1.0, 0.1, 400)
-    few = bench.bootstrap_median(noise[:20])
-    many = bench.bootstrap_median(noise)
+    few = suite.bootstrap_median(noise[:20])
+    many = suite.bootstrap_median(noise)
     for median, low, high in (few, many):
         assert low <= median <= high
     assert many[2] - many[1] < few[2] - few[1]
     assert many[1] < 1.0 < many[2]
-    assert bench.bootstrap_median(noise) == many, "the interval is not repeatable"
+    assert suite.bootstrap_median(noise) == many, "the interval is not repeatable"
 
 
 def test_bootstrap_refuses_too_few():
     with pytest.raises(InvalidInput, match="at least 5"):
-        bench.bootstrap_median(np.ones(4))
+        suite.bootstrap_median(np.ones(4))
 
 
 def test_interleaved_swaps_the_order_from_pair_to_pair():
@@ -52,7 +53,7 @@ def test_interleaved_swaps_the_order_from_pair_to_pair():
         calls.append(name)
         return value
 
-    pairs = bench.interleaved(lambda: one("a", 1.0), lambda: one("b", 2.0), 4)
+    pairs = suite.interleaved(lambda: one("a", 1.0), lambda: one("b", 2.0), 4)
     assert calls == list("ab" + "ab" + "ba" + "ab" + "ba")
     assert (pairs == [1.0, 2.0]).all()
 
@@ -63,46 +64,46 @@ def test_check_names_what_falls_short(tmp_path):
         '[[bar]]\nbench = "draw"\ncase = "chunked/*"\nfield = "ratio_low"\nmin = 0.95\n'
         '[[bar]]\nbench = "select"\ncase = "chunked/*"\nfield = "value"\nmax = 10.0\n'
     )
-    assert bench.check([record(ratio_low=0.96)], bars) == []
-    assert "0.94 " in bench.check([record(ratio_low=0.94)], bars)[0]
-    assert len(bench.check([record(ratio_low=math.nan)], bars)) == 1, "an unmeasured figure passed"
-    assert len(bench.check([record(ratio_low=0.96) | {"case": "full/jacksboro"}], bars)) == 1
-    slow = bench.record("select", "chunked/x", 10.5, "us/frame")
-    assert "above 10" in bench.check([slow], bars)[0]
+    assert suite.check([record(ratio_low=0.96)], bars) == []
+    assert "0.94 " in suite.check([record(ratio_low=0.94)], bars)[0]
+    assert len(suite.check([record(ratio_low=math.nan)], bars)) == 1, "an unmeasured figure passed"
+    assert len(suite.check([record(ratio_low=0.96) | {"case": "full/jacksboro"}], bars)) == 1
+    slow = suite.record("select", "chunked/x", 10.5, "us/frame")
+    assert "above 10" in suite.check([slow], bars)[0]
 
 
 def test_a_bar_may_stand_on_a_detail(tmp_path):
     bars = tmp_path / "bars.toml"
     bars.write_text('[[bar]]\nbench = "draw"\ncase = "chunked/*"\nfield = "details.p99_us"\nmax = 5.0\n')
-    assert bench.check([record(details={"p99_us": 4.0})], bars) == []
-    assert "details.p99_us 6 " in bench.check([record(details={"p99_us": 6})], bars)[0]
-    assert len(bench.check([record()], bars)) == 1, "a detail that is not there passed"
+    assert suite.check([record(details={"p99_us": 4.0})], bars) == []
+    assert "details.p99_us 6 " in suite.check([record(details={"p99_us": 6})], bars)[0]
+    assert len(suite.check([record()], bars)) == 1, "a detail that is not there passed"
 
 
 def test_a_bar_without_a_limit_is_refused(tmp_path):
     bars = tmp_path / "bars.toml"
     bars.write_text('[[bar]]\nbench = "draw"\ncase = "x"\nfield = "value"\n')
     with pytest.raises(InvalidInput, match="min or max"):
-        bench.check([record()], bars)
+        suite.check([record()], bars)
 
 
 def test_bars_of_the_project_name_benches_that_exist():
     import tomllib
 
-    bars = tomllib.loads(bench.bars_file().read_text())["bar"]
-    assert {bar["bench"] for bar in bars} <= set(bench.names())
-    assert {bar["bench"] for bar in bars} == set(bench.names())
+    bars = tomllib.loads(suite.bars_file().read_text())["bar"]
+    assert {bar["bench"] for bar in bars} <= set(suite.names())
+    assert {bar["bench"] for bar in bars} == set(suite.names())
 
 
 def test_unknown_bench_lists_the_known_ones():
     with pytest.raises(InvalidInput, match="known: draw, select"):
-        bench.run(["drawing"])
+        suite.run(["drawing"])
 
 
 def test_records_carry_the_promised_fields_and_become_json():
     one = record(ratio=math.nan, details={"chunks": np.int64(3), "share": np.float64(0.5)})
     assert one.keys() >= FIELDS
-    back = json.loads(bench.to_json([one]))[0]
+    back = json.loads(suite.to_json([one]))[0]
     assert back["ratio"] is None and back["details"] == {"chunks": 3, "share": 0.5}
 
 
@@ -139,20 +140,20 @@ def test_select_is_timed_for_every_frame_and_repeat(session):
 def test_a_planet_resampled_has_no_fewer_triangles_and_its_own_heights():
     rows, cols = np.mgrid[0:21, 0:40]
     planet = lod.HeightField((10.0 * rows).astype(np.float32), planet=True)
-    coarse = bench_multigrain._resampled(planet, 150)
+    coarse = multigrain._resampled(planet, 150)
     below, cells = coarse.heights.shape[0] - 1, coarse.heights.shape[1]
     assert cells == 2 * below and 2 * cells * (below - 1) >= 150 > 2 * (cells - 2) * (below - 2)
     assert np.allclose(coarse.heights, np.linspace(0.0, 200.0, below + 1)[:, None])
 
 
 def test_random_cuts_are_counted_with_their_cracks(tmp_path):
-    lab = bench.Lab(tmp_path, lambda text: None)
-    for tile in bench_multigrain.TILES:
-        found = bench_multigrain._cuts_of(lab, tile, 5)
+    lab = suite.Lab(tmp_path, lambda text: None)
+    for tile in multigrain.TILES:
+        found = multigrain._cuts_of(lab, tile, 5)
         assert found["details"]["cuts"] == 5 and found["details"]["crack_edges"] == 0 and found["value"] > 0.0
 
 
 def test_the_demo_that_is_timed_is_the_one_of_the_makefile():
     text = (Path(__file__).parents[1] / "Makefile").read_text().replace("\\\n", " ")
     (line,) = re.findall(r"^\t.venv/bin/lodlab (compare .*)", text, re.MULTILINE)
-    assert shlex.split(line) == [*bench.DEMO, "--out", "runs/demo"]
+    assert shlex.split(line) == [*suite.DEMO, "--out", "runs/demo"]

@@ -11,8 +11,8 @@ import shutil
 import pytest
 
 import lodlab as lod
-from lodlab.checks import Violation, check
 from lodlab.errors import InvalidInput
+from lodlab.runs.checks import Violation, check
 
 FRAMES = 5
 MEASURED = [0, 2, 4]

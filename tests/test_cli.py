@@ -83,7 +83,7 @@ def test_doctor_draws_a_triangle(say):
 
 
 def test_doctor_names_what_is_missing_and_its_cure(say, monkeypatch, tmp_path):
-    monkeypatch.setattr("lodlab.doctor.PACKAGES", ("numpy", "no-such-package"))
+    monkeypatch.setattr("lodlab.cli.doctor.PACKAGES", ("numpy", "no-such-package"))
     status, out, err = say("doctor")
     assert status == 1
     assert "NO  no-such-package: missing" in out and "cure: pip install no-such-package" in out
@@ -511,12 +511,12 @@ def test_ctrl_c_during_a_build_leaves_nothing_under_the_final_name(tmp_path):
 
 
 def test_bench_lists_and_checks(say, monkeypatch):
-    from lodlab import bench
+    from lodlab.bench import suite
 
     status, out, _ = say("bench", "--list")
-    assert status == 0 and all(f"{name}: " in out for name in bench.names())
-    monkeypatch.setattr(bench, "run", lambda names, say: [])
-    monkeypatch.setattr(bench, "check", lambda records: ["draw chunked/x: ratio_low 0.5 is below 0.95"])
+    assert status == 0 and all(f"{name}: " in out for name in suite.names())
+    monkeypatch.setattr(suite, "run", lambda names, say: [])
+    monkeypatch.setattr(suite, "check", lambda records: ["draw chunked/x: ratio_low 0.5 is below 0.95"])
     fails(say("bench", "draw", "--check"), 1, "below 0.95")
     status, out, _ = say("bench", "draw", "--json")
     assert status == 0 and json.loads(out) == []

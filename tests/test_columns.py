@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from lodlab import cli, columns, report, results
+from lodlab import cli
+from lodlab.report import page
+from lodlab.runs import columns, results
 
 PAGE = Path(__file__).parent.parent / "docs" / "columns.md"
 
@@ -17,7 +19,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "columns.md"
 @pytest.mark.parametrize("name", dict.fromkeys((*results.FRAME_COLUMNS, *results.SUMMARY_COLUMNS)))
 def test_no_column_without_unit_and_sentence(name):
     column = columns.describe(name)
-    assert column.name == name and column.unit and column.text.endswith("."), "add it to python/lodlab/columns.py"
+    assert column.name == name and column.unit and column.text.endswith("."), "add it to python/lodlab/runs/columns.py"
 
 
 def test_columns_that_are_none_have_no_sentence():
@@ -36,7 +38,7 @@ def test_sentences_of_a_run_say_over_what_and_which_end():
 
 def test_page_of_columns_is_current():
     wanted = columns.markdown()
-    assert PAGE.read_text(encoding="utf-8") == wanted, "the head of python/lodlab/columns.py says how it is written"
+    assert PAGE.read_text(encoding="utf-8") == wanted, "the head of runs/columns.py says how it is written"
     named = set(re.findall(r"^\| `(\w+)`", wanted, re.MULTILINE))
     assert named >= {*results.FRAME_COLUMNS, *results.NOISE_COLUMNS}
     for name in results.SUMMARY_COLUMNS:
@@ -47,8 +49,8 @@ def test_tables_of_the_report_say_what_their_columns_are():
     import pandas as pd
 
     summary = pd.DataFrame([dict.fromkeys(results.SUMMARY_COLUMNS, 1.0)])
-    heads = dict(re.findall(r'<th title="(\w+)([^"]*)">', report.summary_table(summary)))
-    assert list(heads) == [name for name, _, _ in report.COLUMNS]
+    heads = dict(re.findall(r'<th title="(\w+)([^"]*)">', page.summary_table(summary)))
+    assert list(heads) == [name for name, _, _ in page.COLUMNS]
     for name, rest in heads.items():
         assert html.unescape(rest).endswith(columns.describe(name).text)
 

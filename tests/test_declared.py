@@ -19,10 +19,10 @@ from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from lodlab import datasets, sources
-from lodlab.cli import run
+from lodlab.cli.program import run
 from lodlab.errors import InvalidInput
-from lodlab.heightfield import HeightField
-from lodlab.placement import metres_per_degree
+from lodlab.sources.heightfield import HeightField
+from lodlab.sources.placement import metres_per_degree
 
 from .test_sources import write
 

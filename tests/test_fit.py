@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, fitting, verdicts
+from lodlab import _core
+from lodlab.cli import verdicts
 from lodlab.errors import InvalidInput, Unsupported
+from lodlab.runs import fitting
 
 SOURCE = "fractal:size=129,seed=3"
 SIZE = (200, 120)

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, configs, passes, pictures, report, results
+from lodlab import _core, disk, pictures
 from lodlab.errors import InvalidInput, StoreError
+from lodlab.report import page as report
+from lodlab.runs import configs, passes
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -301,7 +303,7 @@ def test_the_report_says_with_how_many_jobs_times_were_taken(tmp_path):
 
 
 def test_hashes_of_poses_ignore_the_last_bits_and_nothing_else():
-    from lodlab.identity import poses_hash
+    from lodlab.runs.identity import poses_hash
 
     def views(shift):
         return [lod.View((6.4e6 + shift, 0, 0), (0, 0, 0), up=(0, 0, 1), size=(96, 64), near=1.0)]
@@ -315,5 +317,5 @@ def test_hashes_of_poses_ignore_the_last_bits_and_nothing_else():
 def test_store_names_do_not_change_for_sources_without_colours(tmp_path):
     field = lod.datasets.load(CONFIG["sources"][0])
     resolved = _core.resolve_options("full", "build", {})
-    digest = results.short_hash({"source": field.hash(), "options": resolved})
+    digest = disk.short_hash({"source": field.hash(), "options": resolved})
     assert passes.store_for(field, "full", {}, tmp_path, progress=False).path.name == f"full-{digest}.lod"

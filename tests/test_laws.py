@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import _core, cli, laws, metrics
+from lodlab import _core, cli, laws
+from lodlab.instrument import metrics
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import _core, doctor
+from lodlab import _core
+from lodlab.cli import doctor
 
 
 @pytest.fixture(scope="module")

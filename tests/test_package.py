@@ -94,7 +94,7 @@ sys.modules["ipykernel.zmqshell"] = types.ModuleType("ipykernel.zmqshell")
 sys.modules["ipywidgets"] = None
 builtins.get_ipython = lambda: shell
 import lodlab
-from lodlab.bars import tqdm
+from lodlab.progress import tqdm
 print(tqdm.__module__)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 import lodlab
 from lodlab import datasets
 from lodlab.errors import InvalidInput
-from lodlab.flights import BUILT_IN, EYE_HEIGHT
-from lodlab.ground import Ground
-from lodlab.heightfield import HeightField
-from lodlab.paths import CameraPath
+from lodlab.paths.ground import Ground
+from lodlab.paths.path import CameraPath
+from lodlab.paths.terrain import BUILT_IN, EYE_HEIGHT
+from lodlab.sources.heightfield import HeightField
 
 
 def _spike() -> np.ndarray:

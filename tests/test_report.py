@@ -13,9 +13,13 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import charts, figures, labels, pictures, report, results, statistics
+from lodlab import charts, figures, pictures
 from lodlab.errors import InvalidInput
-from lodlab.passes import worst_frame
+from lodlab.instrument import statistics
+from lodlab.report import labels
+from lodlab.report import page as report
+from lodlab.runs import results
+from lodlab.runs.passes import worst_frame
 
 CONFIG = {
     "sources": ["fractal:size=65,seed=3"],

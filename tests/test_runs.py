@@ -13,9 +13,11 @@ import PIL.Image
 import pytest
 
 import lodlab as lod
-from lodlab import _core, movies, passes, results, runs
+from lodlab import _core, movies
 from lodlab.errors import InvalidInput, StoreError, Unsupported
 from lodlab.instrument import measure
+from lodlab.runs import passes, results
+from lodlab.runs import run as runs
 
 SOURCE = "fractal:size=65,seed=3"
 SIZE = (160, 90)

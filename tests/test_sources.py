@@ -17,8 +17,8 @@ from rasterio.transform import Affine, from_origin
 
 from lodlab import _core, datasets, sources
 from lodlab.errors import InvalidInput
-from lodlab.heightfield import HeightField
-from lodlab.placement import metres_per_degree
+from lodlab.sources.heightfield import HeightField
+from lodlab.sources.placement import metres_per_degree
 
 Z = np.arange(20, dtype=np.float32).reshape(4, 5)
 

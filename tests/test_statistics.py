@@ -9,7 +9,9 @@ import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import charts, figures, results, statistics
+from lodlab import charts, figures
+from lodlab.instrument import statistics
+from lodlab.runs import results
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

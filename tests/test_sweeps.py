@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import lodlab as lod
-from lodlab import configs, results
 from lodlab.errors import InvalidInput, StoreError, Unsupported
+from lodlab.runs import configs, results
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -12,8 +12,8 @@ from rasterio.transform import from_origin
 import lodlab as lod
 from lodlab import _core, datasets
 from lodlab.errors import InvalidInput, Unsupported
-from lodlab.metrics import METRICS, measure
-from lodlab.paths import CameraPath
+from lodlab.instrument.metrics import METRICS, measure
+from lodlab.paths.path import CameraPath
 
 from .test_sources import write
 

@@ -23,16 +23,19 @@ except ImportError as error:
         "libgl1-mesa-dri, libtbb12, libembree3-3, libmeshoptimizer2 and libsqlite3-0, and a build for this very Python"
     ) from error
 
-from . import _shaders, charts, datasets, errors, instrument, laws, report, stability  # noqa: F401 - _shaders tells the core where they are
+from . import _shaders, errors, instrument, report, stability  # noqa: F401 - _shaders tells the core where they are
 from ._core import Budget, View
-from .checks import Violation, check
-from .fitting import Fit, fit
-from .heightfield import HeightField
-from .paths import CameraPath
-from .results import version as _version
-from .runs import Run, fly
-from .stores import Cut, Frame, Session, Store, build, methods, open
-from .sweeps import Sweep, compare, sweep
+from .instrument import laws
+from .paths.path import CameraPath
+from .report import charts
+from .runs.checks import Violation, check
+from .runs.fitting import Fit, fit
+from .runs.results import version as _version
+from .runs.run import Run, fly
+from .runs.sweep import Sweep, compare, sweep
+from .sources import datasets
+from .sources.heightfield import HeightField
+from .stores.store import Cut, Frame, Session, Store, build, methods, open
 
 __version__ = _version()
 __all__ = [

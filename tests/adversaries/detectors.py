@@ -19,7 +19,9 @@ import pandas as pd
 import pytest
 
 import lodlab as lod
-from lodlab import instrument, laws, metrics, passes, results
+from lodlab import instrument, laws
+from lodlab.instrument import metrics
+from lodlab.runs import passes, results
 
 ROOMS = Path(__file__).parents[2] / "cpp" / "methods"
 #: Every method of this core that is no room of the house.

@@ -12,7 +12,7 @@ import pytest
 import lodlab as lod
 from lodlab import _core, instrument
 from lodlab.errors import InvalidInput
-from lodlab.passes import CaptureMismatch
+from lodlab.runs.passes import CaptureMismatch
 
 from .detectors import ADVERSARIES, DETECTORS, LOOSE, POP_PX, Range, caught, without_metric
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lodlab import passes, stability
+from lodlab import stability
+from lodlab.runs import passes
 
 from .detectors import ADVERSARIES
 

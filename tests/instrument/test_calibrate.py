@@ -15,7 +15,7 @@ import pytest
 from lodlab import errors
 from lodlab.instrument import METRICS, calibrate
 from lodlab.instrument.calibrate import COLUMNS, all_cases, calibrate_cases
-from lodlab.instrument.cases import Case
+from lodlab.instrument.cases.case import Case
 
 NAMES = [metric.name for metric in METRICS]
 CASES = all_cases()
@@ -101,14 +101,14 @@ def test_progress_is_shown_when_it_is_wanted(capsys: pytest.CaptureFixture[str])
     assert "calibrate" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("module", ["cases", "cases_cracks", "cases_pixels", "cases_planet", "cases_samples"])
+@pytest.mark.parametrize("module", ["case", "cracks", "pixels", "planet", "samples"])
 def test_paper_values_come_from_paper(module: str) -> None:
     """Cases import what sources and views are made of, and the names of metrics; nothing that measures."""
-    tree = ast.parse(inspect.getsource(importlib.import_module(f"lodlab.instrument.{module}")))
+    tree = ast.parse(inspect.getsource(importlib.import_module(f"lodlab.instrument.cases.{module}")))
     imported = [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)]
     own = {(n.module, a.name) for n in imported if isinstance(n, ast.ImportFrom) and n.level > 0 for a in n.names}
-    own = {(source, name) for source, name in own if source != "cases"}
-    assert own <= {("_core", "View"), ("heightfield", "HeightField"), ("metrics", "METRICS")}
+    own = {(source, name) for source, name in own if source != "case"}
+    assert own <= {("_core", "View"), ("sources.heightfield", "HeightField"), ("metrics", "METRICS")}
     for node in imported:
         if isinstance(node, ast.Import):
             assert {alias.name for alias in node.names} <= {"math", "numpy"}

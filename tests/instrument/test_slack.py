@@ -11,6 +11,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core, errors
+from lodlab.instrument.metrics import pixel_slack
 
 Vec = tuple[float, float, float]
 PX1 = _core.Budget(pixel_error=1.0)
@@ -34,7 +35,7 @@ class Ground:
     def is_whole(self, eye: Vec, target: Vec, **values: float) -> None:
         found, view = self.examine(eye, target, **values)
         assert (found.hole_samples, found.crack_edges, found.inverted_triangles) == (0, 0, 0), eye
-        assert not found.measured_px_max > lod.metrics.pixel_slack(view)
+        assert not found.measured_px_max > pixel_slack(view)
 
 
 def test_no_border_sample_is_lost_to_an_eye_within_a_cell_of_it(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def terrain() -> lod.HeightField:
 
 
 @pytest.fixture(scope="module")
-def store(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) -> lod.stores.Store:
+def store(terrain: lod.HeightField, tmp_path_factory: pytest.TempPathFactory) -> lod.Store:
     return lod.build(terrain, "chunked", tmp_path_factory.mktemp("chunked") / "jacksboro.lod", progress=False)
 
 

@@ -75,7 +75,7 @@ def test_flights_keep_their_budgets_without_cracks(lab, budget: dict[str, float]
 
 
 @pytest.fixture(scope="module")
-def earth(tmp_path_factory: pytest.TempPathFactory) -> tuple[lod.HeightField, lod.stores.Store]:
+def earth(tmp_path_factory: pytest.TempPathFactory) -> tuple[lod.HeightField, lod.Store]:
     """Every sixth sample of the Earth, five times as high."""
     heights = np.asarray(lod.datasets.load("earth:planet=true").heights)[::6, ::6] * 5.0
     field = lod.HeightField(np.ascontiguousarray(heights), planet=True)
@@ -250,7 +250,7 @@ def terrain(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def small_tiles(terrain, tmp_path_factory: pytest.TempPathFactory) -> lod.stores.Store:
+def small_tiles(terrain, tmp_path_factory: pytest.TempPathFactory) -> lod.Store:
     """The same with tiles of 18 KiB, some 6 MiB in all."""
     path = tmp_path_factory.mktemp("small") / "m.lod"
     return lod.build(terrain[0], "multigrain", path, progress=False, node_resolution=64)

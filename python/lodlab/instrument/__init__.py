@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from ..metrics import METRICS, Metric, measure
 from .audit import Audit, audit
 from .calibrate import calibrate
+from .metrics import METRICS, Metric, measure
 
 __all__ = ["METRICS", "Audit", "Metric", "audit", "calibrate", "measure"]

@@ -21,11 +21,10 @@ import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput, StoreError
-from ..passes import still
-from ..stores import Store, as_store
+from ..stores.store import Store, as_store, still
 
 if TYPE_CHECKING:
-    from ..charts import Chart
+    from ..report.charts import Chart
 
 LEAST_RATIO = 0.01  # of the histogram: a bound of 0 that is broken stands there
 NOWHERE = -1  # the "node" of samples that no node covers
@@ -88,7 +87,7 @@ class Audit:
 
     def histogram(self) -> Chart:
         """How many times larger than the measured errors the bounds are, on a logarithmic axis."""
-        from .. import charts
+        from ..report import charts
 
         ratios = np.maximum(self._exceeding["ratio"].to_numpy(float), LEAST_RATIO)
         if ratios.size == 0:
@@ -154,7 +153,7 @@ def audit(store: Store, *, cuts: int = 0, seed: int = 0, progress: bool = True, 
     everything is loaded first. InvalidInput: a negative number of cuts, an unknown option. StoreError: the source
     is not at hand, the method's own cuts leave a node out, or a cut draws a node that it does not hold.
     """
-    from ..bars import tqdm
+    from ..progress import tqdm
 
     if isinstance(cuts, bool) or not isinstance(cuts, (int, np.integer)) or cuts < 0:
         raise InvalidInput(f"audit: cuts is {cuts!r}; it is a whole number, at least 0")

@@ -15,10 +15,10 @@ from typing import Any
 
 from .. import _core
 from ..errors import InvalidInput
-from ..heightfield import HeightField
-from ..metrics import METRICS, Metric
-from ..stores import build
-from .cases import Case, Drawn
+from ..sources.heightfield import HeightField
+from ..stores.store import build
+from .cases.case import Case, Drawn
+from .metrics import METRICS, Metric
 
 COLUMNS = ("metric", "case", "expected", "returned", "deviation", "tolerance", "pass")
 SHARE = 1e-3  # of the paper value
@@ -28,10 +28,10 @@ ANYTHING = 1e9  # pixels: a budget that the coarsest cut meets
 
 def all_cases() -> list[Case]:
     """Every case, in the order of the table."""
-    from .cases_cracks import crack_cases  # not at start-up: they make height fields
-    from .cases_pixels import pixel_cases
-    from .cases_planet import planet_cases
-    from .cases_samples import sample_cases
+    from .cases.cracks import crack_cases  # not at start-up: they make height fields
+    from .cases.pixels import pixel_cases
+    from .cases.planet import planet_cases
+    from .cases.samples import sample_cases
 
     return [*sample_cases(), *planet_cases(), *crack_cases(), *pixel_cases()]
 
@@ -50,7 +50,7 @@ def calibrate_cases(cases: Sequence[Case], *, progress: bool = False) -> Any:
     """The table of `calibrate` for these cases. InvalidInput when a case expects a metric that there is not."""
     import pandas as pd
 
-    from ..bars import tqdm
+    from ..progress import tqdm
 
     rank = {metric.name: i for i, metric in enumerate(METRICS)}
     rows: list[dict[str, Any]] = []

@@ -24,9 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, pictures, results
+from .. import _core, disk, pictures
 from ..errors import InvalidInput, Unsupported
-from ..stores import method_table
+from ..runs import results
+from ..stores.store import method_table
 from . import fields, rules
 from .scenes import SCENES
 from .stage import Bench, Figure, NotApplicable, Scene, Stage
@@ -184,7 +185,7 @@ def _no_source(scene: Scene, method: str) -> dict[str, Any]:
 
 def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
     """The parts, with a bar that names the one being played."""
-    from ..bars import tqdm
+    from ..progress import tqdm
 
     with tqdm(total=len(parts), disable=None if progress else True, leave=False) as bar:
         for part in parts:
@@ -248,7 +249,7 @@ def _keep_picture(folder: Path, figure: Figure, row: dict[str, Any], worst: dict
 def _write(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     text = io.StringIO(newline="")
     csv.writer(text).writerows([COLUMNS, *([results.cell(row[c]) for c in COLUMNS] for row in rows)])
-    results.write_atomic(folder / "stability.csv", text.getvalue())
+    disk.write_atomic(folder / "stability.csv", text.getvalue())
 
 
 def _provenance(start: str, names: list[str], scenes: list[str], short: bool) -> dict[str, Any]:

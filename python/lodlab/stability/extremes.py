@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, passes
+from .. import _core
 from ..errors import Unsupported
-from ..heightfield import HeightField
-from ..stores import Cut, Session
+from ..runs import passes
+from ..sources.heightfield import HeightField
+from ..stores.store import Cut, Session
 from . import fields
 from .stage import Figure, Stage, Worst, chosen, look, refuses, state
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .. import _core, sources
-from ..heightfield import HeightField
+from ..sources.heightfield import HeightField
 
 RAINIER = "mt_rainier_srtm3.tif"  # of the shared data, played where it is there
 SPACING = (30.0, 40.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from .. import _core
-from ..stores import Cut, Session, options_of
+from ..stores.store import Cut, Session, options_of
 from .stage import NO_LIMIT, Figure, Stage, Worst, chosen, look, state, zero_if_unseen
 
 SETTLED = 3  # frames after which a still camera's cut is fixed

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from .. import pictures
+from ..disk import write_atomic
 from ..figures import number
-from ..results import short_source, write_atomic
-from ..stores import method_table
+from ..runs.results import short_source
+from ..stores.store import method_table
 from . import BY_NATURE, FAIL, NOT_APPLICABLE, PASS, SCENES, badness, picture_name
 from .stage import Scene
 
@@ -39,7 +40,7 @@ def write(folder: Path, table: Any) -> Path:
     names, counts = list(dict.fromkeys(table["method"])), table["verdict"].value_counts()
     scenes = [scene for scene in SCENES if scene.name in set(table["scene"])]
     summary = ", ".join(f"{counts[v]} {WORDS[v]}" for v in (PASS, BY_NATURE, NOT_APPLICABLE, FAIL) if v in counts)
-    template = Path(__file__).resolve().parents[1] / "templates" / "stability.html"
+    template = Path(__file__).with_name("stability.html")
     text = Template(template.read_text(encoding="utf-8")).substitute(
         title=html.escape(f"lodlab stability: {', '.join(names)}"),
         heading=html.escape(f"Stability of {', '.join(names)}"),

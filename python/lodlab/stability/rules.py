@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import results
 from ..errors import InvalidInput
-from ..stores import method_table
+from ..runs import results
+from ..stores.store import method_table
 
 NEVER_BY_DEFAULT = ("s01", "s02", "s07", "s11", "s12", "s13", "s14", "s15", "s16", "s20")
 KEYS = ("method", "options", "scene", "reason", "limit")

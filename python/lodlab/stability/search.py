@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, passes
+from .. import _core
 from ..errors import GLError, InvalidInput, StoreError, Unsupported
 from ..instrument.audit import any_cut
-from ..stores import Cut, Session, method_table
+from ..runs import passes
+from ..stores import store as stores
+from ..stores.store import Cut, Session, method_table
 from . import rules
 from .stage import FLAWS, NO_LIMIT, Bench, pixel_slack, state
 from .tree import Tree
@@ -126,7 +128,7 @@ class _Player:
             "build",
             bool(trial.build),
         )
-        still = passes.still(trial.method, {k: v for k, v in trial.draw.items() if k not in PAGING})
+        still = stores.still(trial.method, {k: v for k, v in trial.draw.items() if k not in PAGING})
         self.session = self.open(still)
         self.ground = Ground(source)
         if trial.kind == "cuts":

@@ -17,12 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, passes
+from .. import _core
 from ..errors import InvalidInput
-from ..heightfield import HeightField
-from ..metrics import pixel_slack
-from ..paths import CameraPath
-from ..stores import Cut, Session, Store, method_table
+from ..instrument.metrics import pixel_slack
+from ..paths.path import CameraPath
+from ..runs import passes
+from ..sources.heightfield import HeightField
+from ..stores import store as stores
+from ..stores.store import Cut, Session, Store, method_table
 from . import fields
 from .tree import Tree
 
@@ -142,12 +144,12 @@ class Stage:
     @property
     def resolved_options(self) -> dict[str, Any]:
         """All options, defaults written out, as the rows name them."""
-        draw = _core.resolve_options(self.method, "draw", passes.still(self.method, self.options))
+        draw = _core.resolve_options(self.method, "draw", stores.still(self.method, self.options))
         return {**_core.resolve_options(self.method, "build", {}), **draw}
 
     def session(self, **options: Any) -> Session:
         """A fresh session; everything is loaded first, unless `options` say otherwise."""
-        return self.store.session(**{**passes.still(self.method, self.options), **options})
+        return self.store.session(**{**stores.still(self.method, self.options), **options})
 
     def other(self, name: str, source: HeightField) -> Stage:
         """The same method on another source, one that the scene made."""

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..frames import EARTH_RADIUS
-from ..heightfield import HeightField
-from ..stores import method_table
+from ..sources.frames import EARTH_RADIUS
+from ..sources.heightfield import HeightField
+from ..stores.store import method_table
 from . import fields
 from .stage import look
 

@@ -182,7 +182,7 @@ def random_search(stage: Stage) -> Iterator[Figure]:
     a frame is. Figures: checks that failed, a figure for each law, named after the first trial that breaks it, limit
     0; crashes and hangs, limit 0. `search-METHOD.json` has the counts and every find.
     """
-    from ..bars import tqdm
+    from ..progress import tqdm
 
     total = Sum()
     trials = None if stage.seconds else SHORT_TRIALS if stage.short else LONG_TRIALS

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: MIT
+"""Files on disk: written whole or not at all, folders that go with their owner, what kind a file is; short hashes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+import weakref
+from pathlib import Path
+from typing import Any
+
+
+def short_hash(value: Any) -> str:
+    """Twelve hex digits of the canonical JSON of a value: names of stores, `options_hash`."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
+    return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
+
+
+def write_atomic(file: Path, data: str | bytes) -> None:
+    """Writes a file whole or not at all: temporary name, sync, rename."""
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as out:
+            out.write(data.encode() if isinstance(data, str) else data)
+            out.flush()
+            os.fsync(out.fileno())
+        temporary.replace(file)
+    except BaseException as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # writes name no file, and the temporary name tells nobody anything
+            raise OSError(error.errno, error.strerror, os.fspath(file)) from None
+        raise
+
+
+def temporary_folder(owner: Any) -> Path:
+    """A folder that is removed when its owner is gone, or at the end of the program."""
+    folder = tempfile.mkdtemp(prefix="lodlab-")
+    weakref.finalize(owner, shutil.rmtree, folder, True)
+    return Path(folder)
+
+
+_APPLICATION_ID = b"lodl"  # of stores, in the header of their SQLite file
+
+
+def is_store(path: str | os.PathLike[str]) -> bool:
+    """True for files that say that they are a store, by name or by their first bytes."""
+    file = Path(path)
+    if not file.is_file():
+        return file.suffix == ".lod"
+    with file.open("rb") as opened:
+        head = opened.read(72)
+    return (head.startswith(b"SQLite format 3") and head[68:72] == _APPLICATION_ID) or file.suffix == ".lod"

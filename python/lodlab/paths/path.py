@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Camera paths: deterministic sequences of views. Frame f of N is the path at t = f / (N - 1)."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _core
+from ..errors import InvalidInput, close_to
+from .keyframes import poses_of_array, poses_of_keys, read_file
+from .terrain import BUILT_IN, Pose, PoseAt
+
+if TYPE_CHECKING:
+    from ..sources.heightfield import HeightField
+
+DEFAULT_FRAMES = 120
+DEFAULT_FOV = 60.0
+MAX_FRAMES = 1_000_000
+
+
+def _whole(what: str, value: Any, low: int, high: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise InvalidInput(f"camera path: {what} {value!r} is not a whole number") from None
+    if not low <= number <= high:
+        raise InvalidInput(f"camera path: {what} {number} is not within {low} to {high}")
+    return number
+
+
+class CameraPath:
+    """A sequence of `len(path)` views; `path.view(f)` is the camera of frame f.
+
+    Make one with `flyover`, `orbit`, `walk`, `zoom`, `still` (from a height field), `from_keys`,
+    `from_array`, `load` (a file), or `named` (what the command line takes).
+    """
+
+    def __init__(self, name: str, pose_at: PoseAt, frames: int, fov: float | None = None) -> None:
+        self.name = name
+        self.fov = fov
+        self._frames = _whole("frames", frames, 1, MAX_FRAMES)
+        self._pose_at = pose_at
+        if fov is not None and not (isinstance(fov, (int, float)) and 1.0 <= fov <= 170.0):
+            raise InvalidInput(f"camera path: fov {fov!r} is not within 1 to 170 degrees")
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def __repr__(self) -> str:
+        return f"<CameraPath {self.name}: {self._frames} frames>"
+
+    def at(self, t: float) -> Pose:
+        """The camera at path time t, 0 to 1: eye, target, up (3,) float64, fov and near or None."""
+        if not (isinstance(t, (int, float)) and math.isfinite(t) and 0.0 <= t <= 1.0):
+            raise InvalidInput(f"camera path: t {t!r} is not within 0 to 1")
+        return self._pose_at(float(t))
+
+    def time(self, frame: int) -> float:
+        """Path time of a frame: f / (N - 1), 0 for a path of one frame."""
+        frame = _whole("frame", frame, 0, self._frames - 1)
+        return frame / (self._frames - 1) if self._frames > 1 else 0.0
+
+    def view(self, frame: int, size: tuple[int, int] = (1280, 720), fov: float | None = None) -> _core.View:
+        """The view of a frame. `fov` (horizontal, degrees) overrides the path's; the default is 60."""
+        return self.view_at(self.time(frame), size, fov)
+
+    def view_at(self, t: float, size: tuple[int, int] = (1280, 720), fov: float | None = None) -> _core.View:
+        """The view at path time t, 0 to 1."""
+        pose = self.at(t)
+        wide = next(f for f in (fov, pose.fov, self.fov, DEFAULT_FOV) if f is not None)
+        return _core.View(
+            tuple(pose.eye.tolist()),
+            tuple(pose.target.tolist()),
+            up=tuple(pose.up.tolist()),
+            fov=float(wide),
+            size=size,
+            near=pose.near,
+        )
+
+    def views(self, size: tuple[int, int] = (1280, 720), fov: float | None = None) -> Iterator[_core.View]:
+        """The views of all frames, in order."""
+        return (self.view(f, size, fov) for f in range(self._frames))
+
+    def dense(self, factor: int) -> CameraPath:
+        """The same path with `factor` times as many steps; every factor-th frame is one of this path's."""
+        steps = (self._frames - 1) * _whole("factor", factor, 1, MAX_FRAMES)
+        return CameraPath(self.name, self._pose_at, steps + 1, self.fov)
+
+    @classmethod
+    def _built_in(cls, name: str, source: HeightField, frames: int, fov: float | None) -> CameraPath:
+        from .ground import Ground
+
+        frames = _whole("frames", frames, 1, MAX_FRAMES)
+        if not hasattr(source, "_core"):
+            raise InvalidInput(f"camera path {name}: {type(source).__name__} is no height field")
+        return cls(name, BUILT_IN[name](Ground(source)), frames, fov)
+
+    @classmethod
+    def flyover(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """High and oblique, down to low over the highest relief; planets: from space to low orbit."""
+        return cls._built_in("flyover", source, frames, fov)
+
+    @classmethod
+    def orbit(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """Once round the source, looking at it."""
+        return cls._built_in("orbit", source, frames, fov)
+
+    @classmethod
+    def walk(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """At eye height, 1.7 m above the surface and following it."""
+        return cls._built_in("walk", source, frames, fov)
+
+    @classmethod
+    def zoom(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """From the whole source to one spot."""
+        return cls._built_in("zoom", source, frames, fov)
+
+    @classmethod
+    def still(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """One view, again and again."""
+        return cls._built_in("still", source, frames, fov)
+
+    @classmethod
+    def from_keys(
+        cls,
+        keys: Sequence[Mapping[str, Any]],
+        frames: int = DEFAULT_FRAMES,
+        fov: float | None = None,
+        name: str = "keys",
+    ) -> CameraPath:
+        """Catmull-Rom in t through keys with t, eye, target and perhaps up, fov, near.
+
+        Points are in source coordinates: x east, y north, z up, metres; y falls down the rows, so that an array
+        with the default origin lies at y <= 0 (`repr` of a field gives its extent; a planet's axis is z). The first
+        key is the first frame, the last key the last. InvalidInput names the key that is wrong.
+        """
+        return cls(name, poses_of_keys(keys), frames, fov)
+
+    @classmethod
+    def from_array(
+        cls,
+        poses: Any,
+        frames: int | None = None,
+        fov: float | None = None,
+        near: float | None = 0.1,
+        name: str = "array",
+    ) -> CameraPath:
+        """(N, 4, 4) float64 camera-to-world matrices, -z forward: one frame each, unless `frames` says else."""
+        pose_at = poses_of_array(poses, fov, near)
+        return cls(name, pose_at, len(np.asarray(poses)) if frames is None else frames, fov)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], frames: int | None = None, fov: float | None = None) -> CameraPath:
+        """A .toml or .json file with `key` tables (as `from_keys`) or `poses` (as `from_array`).
+
+        `frames` defaults to 120 for keys and to the number of poses.
+        """
+        data = read_file(path)
+        wide = data.get("fov") if fov is None else fov
+        name = os.path.splitext(os.path.basename(os.fspath(path)))[0]
+        if "key" in data:
+            return cls.from_keys(data["key"], DEFAULT_FRAMES if frames is None else frames, wide, name)
+        try:
+            poses = np.asarray(data["poses"], np.float64)
+        except (TypeError, ValueError):
+            raise InvalidInput(f"camera path: {os.fspath(path)}: poses are not (N, 4, 4) numbers") from None
+        return cls.from_array(poses, frames, wide, data.get("near", 0.1), name)
+
+    @classmethod
+    def named(
+        cls, name: str, source: HeightField | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
+    ) -> CameraPath:
+        """What `path` takes by name: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
+        if not isinstance(name, (str, os.PathLike)):
+            raise InvalidInput(
+                f"camera path: {name!r} is no CameraPath, no name ({', '.join(BUILT_IN)}) and no .toml or .json file"
+            )
+        text = os.fspath(name)
+        if text in BUILT_IN:
+            if source is None:
+                raise InvalidInput(f"camera path {text}: it needs the source to fly over")
+            return cls._built_in(text, source, frames, fov)
+        if text.lower().endswith((".toml", ".json")):
+            return cls.load(text, frames, fov)
+        known, close = ", ".join(BUILT_IN), close_to(text, BUILT_IN)
+        meant = f" (close to it: {', '.join(close)})" if close else ""
+        raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file{meant}")

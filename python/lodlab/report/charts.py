@@ -1,0 +1,561 @@
+# SPDX-License-Identifier: MIT
+"""Charts of results. `pareto`: measured error against frame time and against triangles, the face of the
+project; `timeline`: the frames of runs along their path.
+
+Legible at 700 pixels' width: direct labels instead of legends, colours of Okabe and Ito (told apart by
+colour-blind readers) with a marker shape for each method, and a light and a dark dress. A method that was flown
+under several sets of options has a row of panels of its own, where colour follows what varies.
+
+Longer than other files: both charts share its scales, marks and dresses.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..disk import write_atomic
+from ..errors import InvalidInput
+from ..figures import percent
+from ..instrument import statistics
+from ..instrument.metrics import BASELINE
+from ..runs.results import read_noise, short_source, summary_table
+from ..runs.run import Run
+from ..runs.sweep import Sweep
+from .labels import ABOVE, Label, place
+
+# Okabe and Ito (2008), in the order in which methods take them; black and its like belong to `full`.
+COLOURS = {
+    "light": ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9"),
+    "dark": ("#56B4E9", "#E69F00", "#2CC79A", "#E29BC4", "#F0E442", "#8FB8DE"),
+}
+MARKERS = ("o", "s", "^", "D", "v", "P")
+INK = {
+    "light": {"page": "#fbfaf8", "text": "#22252a", "faint": "#686d75", "rule": "#dcdad5", "full": "#22252a"},
+    "dark": {"page": "#16181c", "text": "#e8e6e1", "faint": "#a2a6ad", "rule": "#34383f", "full": "#e8e6e1"},
+}
+RESOLVED = 0.01  # pixels: the slack of the laws; errors below it stand on the line of zero
+PANEL = (232.0, 228.0)  # points: the size of one panel of `pareto`, near enough to place labels
+STUDY_PANEL = (190.0, 228.0)  # the same in a figure with a legend
+
+
+class Chart:
+    """A drawn chart: shows itself in notebooks, saves as PNG, SVG or PDF, gives its matplotlib figure."""
+
+    def __init__(self, draw: Any, title: str):
+        self._draw = draw
+        self.title = title
+
+    def png(self, theme: str = "light", dpi: int = 200) -> bytes:
+        """The bytes of a PNG file."""
+        return self._render(theme, "png", dpi)
+
+    def svg(self, theme: str = "light") -> str:
+        """The text of an SVG file; letters are outlines, so that no font is needed."""
+        return self._render(theme, "svg", 100).decode()
+
+    def save(self, path: str | os.PathLike[str], theme: str = "light") -> None:
+        """Writes the chart; the format follows the file's ending (.png, .svg, .pdf)."""
+        kind = Path(path).suffix.lower().lstrip(".")
+        if kind not in ("png", "svg", "pdf"):
+            raise InvalidInput(f"save chart: {path} ends in none of .png, .svg, .pdf")
+        write_atomic(Path(path), self._render(theme, kind, 200))
+
+    def figure(self, theme: str = "light") -> Any:
+        """A new `matplotlib.figure.Figure` with the chart on it, to be changed and saved as any other."""
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        with matplotlib.rc_context(_style(theme)):
+            figure = Figure(layout="constrained", facecolor=INK[theme]["page"])
+            FigureCanvasAgg(figure)
+            self._draw(figure, theme)
+        return figure
+
+    def _render(self, theme: str, kind: str, dpi: int) -> bytes:
+        import matplotlib
+
+        figure = self.figure(theme)
+        out = io.BytesIO()
+        stamp = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+        with matplotlib.rc_context(_style(theme)):
+            figure.savefig(out, format=kind, dpi=dpi, metadata=stamp)
+        return out.getvalue()
+
+    def _repr_png_(self) -> bytes:
+        return self.png(dpi=110)
+
+    def __repr__(self) -> str:
+        return f"<lodlab chart: {self.title}>"
+
+
+def _style(theme: str) -> dict[str, Any]:
+    """matplotlib's settings for a chart."""
+    if theme not in INK:
+        raise InvalidInput(f"chart: theme is {theme!r}; it is one of {', '.join(INK)}")
+    ink = INK[theme]
+    return {
+        "font.family": "DejaVu Sans",
+        "font.size": 9.0,
+        "text.color": ink["text"],
+        "axes.labelcolor": ink["text"],
+        "axes.edgecolor": ink["faint"],
+        "xtick.color": ink["faint"],
+        "ytick.color": ink["faint"],
+        "xtick.labelcolor": ink["text"],
+        "ytick.labelcolor": ink["text"],
+        "axes.facecolor": ink["page"],
+        "figure.facecolor": ink["page"],
+        "savefig.facecolor": ink["page"],
+        "grid.color": ink["rule"],
+        "svg.hashsalt": "lodlab",
+        "svg.fonttype": "path",
+    }
+
+
+def tables_of(result: Any) -> tuple[Any, Any, Any]:
+    """(frames, summary, noise or None) of a Run, Sweep, list of them, or run directory."""
+    import pandas as pd
+
+    if isinstance(result, Run):
+        return result.frames, summary_table([result.summary]), read_noise(result.directory)
+    if isinstance(result, Sweep):
+        return result.frames, result.summary, result.noise
+    if isinstance(result, (list, tuple)) and result:
+        parts = list(zip(*(tables_of(item) for item in result), strict=True))
+        join = [None if any(p is None for p in part) else pd.concat(part, ignore_index=True) for part in parts]
+        return join[0], join[1], join[2]
+    if isinstance(result, (str, os.PathLike)):
+        return tables_of(Sweep.load(result))
+    raise InvalidInput(f"chart: {type(result).__name__} is no run, sweep or run directory")
+
+
+# ---- series ---------------------------------------------------------------------------------------
+
+
+@dataclass
+class Series:
+    """A curve: one method under one set of options, its budgets in the order of growing error."""
+
+    label: str
+    method: str
+    points: Any  # DataFrame, rows of the summary
+    baseline: bool
+
+
+def series_of(summary: Any) -> list[Series]:
+    """Curves of a summary table. A method with several option sets gets a curve for each, named by what varies."""
+    sets: dict[str, list[str]] = {}
+    for method, options in zip(summary["method"], summary["options"], strict=True):
+        known = sets.setdefault(method, [])
+        if options not in known:
+            known.append(options)
+    out: list[Series] = []
+    several = len([m for m in sets if m != BASELINE]) > 1
+    for method, option_sets in sets.items():
+        parsed = [json.loads(text) for text in option_sets]
+        varied = [k for k in parsed[0] if len({json.dumps(p.get(k)) for p in parsed}) > 1]
+        for text, values in zip(option_sets, parsed, strict=True):
+            rows = summary[(summary["method"] == method) & (summary["options"] == text)]
+            rows = rows.sort_values(["budget_pixel_error", "budget_triangles", "budget_nodes"])
+            label = ", ".join([*([method] if several or not varied else []), *(f"{k} {values[k]}" for k in varied)])
+            baseline = rows[["budget_pixel_error", "budget_triangles", "budget_nodes"]].isna().all(axis=None)
+            out.append(Series(label, method, rows, bool(baseline)))
+    return out
+
+
+def dress(series: list[Series], theme: str) -> dict[str, tuple[str, str]]:
+    """Colour and marker for each label; the baseline takes the ink and a star. The curves of one method, or more
+    of them than there are colours, take a scale of colours in their order."""
+    out, n = {}, 0
+    curves = [item for item in series if not item.baseline]
+    colours = COLOURS[theme]
+    if len(curves) > len(colours) or (len(curves) > 2 and len({item.method for item in curves}) == 1):
+        colours = _scale_of_colours(len(curves), theme)
+    for item in series:
+        if item.baseline:
+            out[item.label] = (INK[theme]["full"], "*")
+        else:
+            out[item.label] = (colours[n], MARKERS[n % len(MARKERS)])
+            n += 1
+    return out
+
+
+def _scale_of_colours(count: int, theme: str) -> list[str]:
+    """So many colours of viridis, which orders them for every reader, without its end that the page swallows."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    low, high = (0.0, 0.85) if theme == "light" else (0.25, 1.0)
+    return [to_hex(colormaps["viridis"](at)) for at in np.linspace(low, high, count)]
+
+
+def _studies(rows: Any) -> list[tuple[str, Any]]:
+    """A group's rows as (suffix of its name, rows of one row of panels): methods of one set of options together,
+    without a suffix; each other method, which is studied, by itself; the baseline with all."""
+    sets = rows.groupby("method", sort=False)["options"].nunique()
+    baseline = rows["method"] == BASELINE
+    studied = [method for method, count in sets.items() if count > 1 and method != BASELINE]
+    others = rows[~rows["method"].isin(studied)]
+    together = [("", others)] if not studied or (others["method"] != BASELINE).any() else []
+    return together + [(f" · {method}", rows[baseline | (rows["method"] == method)]) for method in studied]
+
+
+def budget_label(row: Any) -> str:
+    """A budget as written at its point: `2 px`, `100k tri`, `400 nodes`."""
+    parts = []
+    if not math.isnan(row["budget_pixel_error"]):
+        parts.append(f"{row['budget_pixel_error']:g} px")
+    if not math.isnan(row["budget_triangles"]):
+        parts.append(f"{short(row['budget_triangles'])} tri")
+    if not math.isnan(row["budget_nodes"]):
+        parts.append(f"{short(row['budget_nodes'])} nodes")
+    return ", ".join(parts)
+
+
+def short(value: float, _: Any = None) -> str:
+    """A number as on an axis: 0.5, 20, 1.5k, 2M."""
+    if not math.isfinite(value) or value == 0:
+        return f"{value:g}"
+    for limit, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= limit * 0.9995:
+            return f"{value / limit:.3g}{unit}"
+    return f"{value:.3g}"
+
+
+# ---- pareto ---------------------------------------------------------------------------------------
+
+
+def pareto(result: Any) -> Chart:
+    """Measured error (the worst over a run's measured frames) against median frame time and triangles.
+
+    `result`: Run, Sweep, a list of them, or a run directory. A row of two panels for each source and path; a
+    curve per method, a point per budget; a further row for each method that was flown under several sets of
+    options, a curve for each. Thin bars reach from the 5th to the 95th percentile of the frames, thick
+    ones over the 95 % interval of the median time. Times that chance and the noise floor do not tell apart are
+    marked: dashed between neighbours of a curve, dotted between curves at one budget, hollow where it is `full`'s.
+    """
+    frames, summary, noise = tables_of(result)
+    if summary.empty:
+        raise InvalidInput("pareto: no finished run")
+    if summary["measured_px_max_worst"].isna().all():
+        raise InvalidInput("pareto: no run was measured (accuracy frames 0)")
+    spread = frames.groupby("run")[["frame_ms", "triangles"]].quantile([0.05, 0.95]).unstack()
+    clock = _Clock(frames, summary, statistics.noise_floor(noise))
+    measured = summary[summary["measured_px_max_worst"].notna()]
+    groups = [
+        (f"{short_source(source)} · {Path(path).stem}{suffix}", part, bool(suffix))
+        for (source, path), rows in measured.groupby(["source", "path"], sort=False)
+        for suffix, part in _studies(rows)
+    ]
+
+    panel = STUDY_PANEL if any(study for _, _, study in groups) else PANEL
+
+    def draw(figure: Any, theme: str) -> None:
+        figure.set_size_inches(7.4, 3.9 * len(groups) + 0.1)
+        grid = figure.subplots(len(groups), 2, sharey="row", squeeze=False)
+        for axes, (name, rows, study) in zip(grid, groups, strict=True):
+            _pareto_row(axes, name, rows, spread, clock, theme, panel, study)
+        figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.04)
+
+    return Chart(draw, "measured error against frame time and triangles")
+
+
+class _Clock:
+    """Judges which runs' times differ by more than chance and this machine's noise."""
+
+    def __init__(self, frames: Any, summary: Any, floor: float | None):
+        self.floor = floor
+        self._times = {run: rows["frame_ms"].to_numpy(float) for run, rows in frames.groupby("run")}
+        self._rows = summary.drop_duplicates("run").set_index("run")
+
+    @property
+    def label(self) -> str:
+        """The axis of times, with the noise floor where it is known."""
+        known = "" if self.floor is None else f" · noise {percent(self.floor)}"
+        return f"median frame time (ms){known}"
+
+    def apart(self, a: str, b: str) -> bool:
+        """Frame by frame; where the runs have not the same frames, by the intervals of their medians."""
+        floor = self.floor or 1.0
+        first, second = self._times[a], self._times[b]
+        if len(first) == len(second):
+            return statistics.told_apart(first, second, floor)
+        (low, high), (other_low, other_high) = (self.interval(run) for run in (a, b))
+        return bool(high * floor < other_low or other_high * floor < low)
+
+    def interval(self, run: str) -> tuple[float, float]:
+        """Of the median time of a run; nan in results that hold none."""
+        ends = (self._rows.at[run, c] if c in self._rows else math.nan for c in _INTERVAL)
+        low, high = ends
+        return float(low), float(high)
+
+
+_INTERVAL = ("frame_ms_median_low", "frame_ms_median_high")
+
+
+def _pareto_row(
+    axes: Any, name: str, rows: Any, spread: Any, clock: _Clock, theme: str, panel: tuple[float, float],
+    study: bool,
+) -> None:  # fmt: skip
+    ink = INK[theme]
+    series = series_of(rows)
+    look = dress(series, theme)
+    scale = _ErrorScale(rows["measured_px_max_worst"].to_numpy(float))
+    columns = (("frame_ms", clock.label), ("triangles", "median triangles per frame"))
+    for ax, (column, label) in zip(axes, columns, strict=True):
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_ylim(scale.low, scale.high)
+        ax.grid(True, which="major", linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.axhline(scale.floor, color=ink["faint"], linewidth=0.9, dashes=(4, 3))
+        if scale.has_top:
+            ax.axhline(scale.top, color=ink["faint"], linewidth=0.9, dashes=(4, 3))
+        ax.set_xlabel(label)
+        left, right = _limits(rows, spread, column)
+        ax.set_xlim(left, right)
+        judge = clock if column == "frame_ms" else None  # counts are exact
+        for item in series:
+            _curve(ax, item, column, scale, spread, *look[item.label], ink, judge, series)
+        if judge is not None:
+            _ties(ax, series, scale, judge, ink, neighbours=study)
+        _label(ax, series, column, scale, look, ink, panel, study)
+        _ticks(ax, scale)
+    axes[0].set_ylabel("worst measured error (px)")
+    axes[0].set_title(name, loc="left", fontsize=10.5, fontweight="bold")
+    axes[1].set_title("down and left is better", loc="right", fontsize=8.5, color=ink["faint"])
+    if study:
+        _legend(axes[1], series, look, ink)
+
+
+def _legend(ax: Any, series: list[Series], look: Any, ink: Any) -> None:
+    """The curves of one method beside the panels: where they lie on one another, no label at a curve is legible."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=look[s.label][0], marker=look[s.label][1], markersize=10 if s.baseline else 6.5,
+               markeredgecolor=ink["page"], linewidth=0 if s.baseline else 1.8, label=s.label)
+        for s in series
+    ]  # fmt: skip
+    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=8.5,
+              borderaxespad=0.0)  # fmt: skip
+
+
+class _ErrorScale:
+    """A logarithmic axis with a marked floor for zero and a marked ceiling for infinity (holes)."""
+
+    def __init__(self, errors: np.ndarray):
+        shown = errors[np.isfinite(errors) & (errors >= RESOLVED)]
+        small, large = (shown.min(), shown.max()) if shown.size else (0.1, 1.0)
+        self.floor = 10 ** (math.log10(small) - max(0.35, 0.22 * math.log10(large / small)))
+        self.has_top = bool(np.isinf(errors).any())
+        self.top = large * 3.0
+        self.low = self.floor / 1.6
+        self.high = self.top * 1.4 if self.has_top else large * 2.4
+
+    def place(self, errors: np.ndarray) -> np.ndarray:
+        out = np.where(errors < RESOLVED, self.floor, errors)
+        return np.where(np.isinf(out), self.top, out)
+
+
+def _limits(rows: Any, spread: Any, column: str) -> tuple[float, float]:
+    values = np.concatenate([rows[f"{column}_median"], spread.loc[rows["run"], column].to_numpy().ravel()])
+    values = values[np.isfinite(values) & (values > 0)]
+    low, high = values.min(), values.max()
+    room = max(math.log10(high / low), 0.3)
+    return low / 10 ** (0.10 * room), high * 10 ** (0.16 * room)
+
+
+def _curve(
+    ax: Any, item: Series, column: str, scale: _ErrorScale, spread: Any, colour: str, marker: str, ink: Any,
+    clock: _Clock | None, series: list[Series],
+) -> None:  # fmt: skip
+    """Bars, line and points of a curve; with a clock, the marks of times that are not told apart."""
+    runs = item.points["run"].tolist()
+    x = item.points[f"{column}_median"].to_numpy(float)
+    y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
+    bars = spread.loc[runs, column].to_numpy(float)
+    ax.hlines(y, np.maximum(bars[:, 0], 1e-9), bars[:, 1], color=colour, linewidth=1.0, alpha=0.45)
+    if clock is not None:
+        ends = np.array([clock.interval(run) for run in runs])
+        ax.hlines(y, ends[:, 0], ends[:, 1], color=colour, linewidth=4.0, alpha=0.45, zorder=2.5)
+    for i in range(len(runs) - 1):
+        apart = clock is None or clock.apart(runs[i], runs[i + 1])
+        style = {"linewidth": 1.8} if apart else {"linewidth": 1.4, "dashes": (2.2, 1.6), "alpha": 0.6}
+        ax.plot(x[i : i + 2], y[i : i + 2], color=colour, clip_on=False, zorder=3, **style)
+    full = [run for other in series if other.baseline and other is not item for run in other.points["run"]]
+    for i, run in enumerate(runs):
+        solid = clock is None or item.baseline or all(clock.apart(run, other) for other in full)
+        ax.plot(
+            x[i], y[i], color=colour if solid else ink["page"], marker=marker, clip_on=False, zorder=3.5,
+            markersize=11 if item.baseline else 6.5 if solid else 5.6,
+            markeredgecolor=ink["page"] if solid else colour, markeredgewidth=0.8 if solid else 1.6,
+        )  # fmt: skip
+
+
+def _ties(ax: Any, series: list[Series], scale: _ErrorScale, clock: _Clock, ink: Any, neighbours: bool) -> None:
+    """Dotted lines between points of two curves at one budget whose times are not told apart; of `neighbours`
+    alone where the curves are in an order."""
+    keys = ["budget_pixel_error", "budget_triangles", "budget_nodes"]
+    curves = [item.points for item in series if not item.baseline]
+    for i, first in enumerate(curves):
+        for second in curves[i + 1 : i + 2 if neighbours else None]:
+            for _, tie in first.merge(second, on=keys, suffixes=("", "_other")).iterrows():
+                if not clock.apart(tie["run"], tie["run_other"]):
+                    errors = np.array([tie["measured_px_max_worst"], tie["measured_px_max_worst_other"]], float)
+                    times = [tie["frame_ms_median"], tie["frame_ms_median_other"]]
+                    ax.plot(times, scale.place(errors), color=ink["text"], linewidth=1.6, dashes=(1, 1.2), zorder=3.2)
+
+
+def _label(
+    ax: Any, series: list[Series], column: str, scale: _ErrorScale, look: Any, ink: Any, panel: tuple[float, float],
+    study: bool,
+) -> None:  # fmt: skip
+    """Budgets at their points, methods at the end of their curves. In a study the legend names the curves, and
+    budgets stand at the first one alone: the others have the same, in the same order."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    first = next((item for item in series if not item.baseline), None)
+
+    def spot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        across = np.log(x / left) / math.log(right / left) * panel[0]
+        return np.column_stack([across, np.log(y / low) / math.log(high / low) * panel[1]])
+
+    curves, ends, budgets = [], [], []
+    for item in series:
+        y = scale.place(item.points["measured_px_max_worst"].to_numpy(float))
+        curve = spot(item.points[f"{column}_median"].to_numpy(float), y)
+        end = int(np.argmax(y))
+        if not study:
+            ends.append((Label(item.label, *curve[end], 10.0, ABOVE), look[item.label][0], "bold"))
+        if item is first if study else not item.baseline:
+            texts = [budget_label(row) for _, row in item.points.iterrows()]
+            budgets += [(Label(t, *c, 8.0), ink["faint"], "normal") for t, c in zip(texts, curve, strict=True)]
+        curves.append(curve)
+    ends.sort(key=lambda end: -end[0].y)
+    place([label for label, _, _ in budgets + ends], curves, panel)
+    for label, colour, weight in budgets + ends:
+        at = ((label.x + label.dx) / panel[0], (label.y + label.dy) / panel[1])
+        ax.text(*at, label.text, transform=ax.transAxes, fontsize=label.size, color=colour, fontweight=weight,
+                ha="center", va="center", zorder=4)  # fmt: skip
+
+
+def _ticks(ax: Any, scale: _ErrorScale) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    low, high = ax.get_xlim()
+    ax.xaxis.set_major_locator(FixedLocator(round_numbers(low, high, 6)))
+    ax.xaxis.set_major_formatter(FuncFormatter(short))
+    ax.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    top = scale.top / 1.5 if scale.has_top else scale.high
+    errors = round_numbers(scale.floor * 1.5, top, 8)
+    names = {scale.floor: "0"} | ({scale.top: "∞"} if scale.has_top else {})
+    ax.yaxis.set_major_locator(FixedLocator(sorted([*errors, *names])))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: next((n for k, n in names.items() if math.isclose(k, v)),
+                                                                 short(v))))  # fmt: skip
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def round_numbers(low: float, high: float, most: int) -> list[float]:
+    """Marks of a logarithmic axis: 1, 2, 5 a decade; fewer where that were too many, more where too few."""
+
+    def marks(steps: tuple[float, ...]) -> list[float]:
+        return [m * 10.0**e for e in range(-9, 13) for m in steps if low <= m * 10.0**e <= high]
+
+    usual = marks((1, 2, 5))
+    if len(usual) < 2:
+        return marks((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+    return next((found for found in (usual, marks((1, 3))) if len(found) <= most), marks((1,)))
+
+
+# ---- timeline -------------------------------------------------------------------------------------
+
+
+def timeline(result: Any) -> Chart:
+    """Frame time and error of every frame along the path: predicted as a line, measured as points."""
+    frames, summary, _ = tables_of(result)
+    if summary.empty:
+        raise InvalidInput("timeline: no finished run")
+
+    def draw(figure: Any, theme: str) -> None:
+        figure.set_size_inches(7.4, 4.6)
+        top, low = figure.subplots(2, 1, sharex=True)
+        names = summary["run"].tolist()
+        colours = _shades(names, summary, theme)
+        for ax, label in ((top, "frame time (ms)"), (low, "error (px)")):
+            ax.set_yscale("log")
+            ax.grid(True, axis="y", linewidth=0.6)
+            ax.spines[["top", "right"]].set_visible(False)
+            ax.set_ylabel(label)
+        ends: dict[Any, list[tuple[float, str, str]]] = {top: [], low: []}
+        for name in names:
+            rows = frames[frames["run"] == name]
+            top.plot(rows["frame"], rows["frame_ms"], color=colours[name], linewidth=1.2)
+            ends[top].append((float(rows["frame_ms"].iloc[-8:].median()), name, colours[name]))
+            predicted = rows["predicted_px"].to_numpy(float)
+            if (predicted > 0).any():
+                low.plot(rows["frame"], np.where(predicted > 0, predicted, np.nan), color=colours[name], linewidth=1.2)
+                seen = rows[rows["accuracy"] & (rows["measured_px_max"] >= RESOLVED)]
+                low.plot(seen["frame"], seen["measured_px_max"], "o", color=colours[name], markersize=3.5)
+                ends[low].append((float(predicted[-1]), name, colours[name]))
+        low.set_xlabel("frame · lines: predicted bound, points: measured")
+        last = int(frames["frame"].max())
+        for ax in (top, low):
+            ax.set_xlim(0, max(1, last))
+            _plain_log(ax)
+            _end_labels(ax, ends[ax], max(1, last))
+
+    return Chart(draw, "frame time and error along the path")
+
+
+def _shades(names: list[str], summary: Any, theme: str) -> dict[str, str]:
+    """A colour per run: the method's hue, from dark to light over its budgets."""
+    from matplotlib.colors import to_hex, to_rgb
+
+    page = np.array(to_rgb(INK[theme]["page"]))
+    series = series_of(summary)
+    look = dress(series, theme)
+    out = {}
+    for item in series:
+        base = np.array(to_rgb(look[item.label][0]))
+        runs = item.points["run"].tolist()
+        for i, run in enumerate(runs):
+            out[run] = to_hex(base + (page - base) * 0.45 * i / max(1, len(runs) - 1))
+    return out
+
+
+def _plain_log(ax: Any) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    low, high = ax.get_ylim()
+    ax.yaxis.set_major_locator(FixedLocator(round_numbers(low, high, 7)))
+    ax.yaxis.set_major_formatter(FuncFormatter(short))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def _end_labels(ax: Any, ends: list[tuple[float, str, str]], x: float) -> None:
+    """Names at the right end of their lines, pushed apart where they would overlap."""
+    if not ends:
+        return
+    low, high = (math.log10(v) for v in ax.get_ylim())
+    gap = 0.085
+    placed: list[tuple[float, str, str]] = []
+    for value, name, colour in sorted(ends):
+        y = (math.log10(value) - low) / (high - low) if value > 0 else 0.0
+        if placed:
+            y = max(y, placed[-1][0] + gap)
+        placed.append((y, name, colour))
+    excess = max(0.0, placed[-1][0] - 1.0)
+    for y, name, colour in placed:
+        ax.annotate(name, (1.0, y - excess), xytext=(6, 0), xycoords="axes fraction", textcoords="offset points",
+                    va="center", fontsize=8, color=colour, annotation_clip=False)  # fmt: skip

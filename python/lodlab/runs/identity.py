@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: MIT
+"""What a run's rows rest on beside its configuration, as hashes: the heights, the poses of every frame, the raster
+of colours. And what a run directory keeps so that it can be flown again: paths and arrays that lay in memory.
+
+Invariant: a name is never believed. Rows under one name in one directory have the same three hashes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..disk import write_atomic
+from ..errors import InvalidInput, StoreError
+from ..paths.path import CameraPath
+from ..paths.terrain import BUILT_IN
+from ..sources.heightfield import HeightField
+from ..sources.spec import as_source
+from .results import RunDirectory, toml_text
+
+POSE_BITS = 32  # of positions and axes: built-in paths differ in the last bits from one libm to another
+KEPT_MB = 256  # arrays up to this size are kept in a run directory
+
+
+# ---- hashes ---------------------------------------------------------------------------------------
+
+
+def poses_hash(views: Iterable[Any]) -> str:
+    """32 hex digits of eye, target, up, fov, near plane and size of every view.
+
+    Rounded to 2^-32 of the largest number of its kind, so that the last bits of a sine do not count.
+    """
+    rows = [[*v.eye, *v.target, *(v.up / np.linalg.norm(v.up)), v.fov, v.near, *v.size] for v in views]
+    table = np.array(rows, dtype=np.float64)
+    out = hashlib.blake2b(digest_size=16)
+    for part in (table[:, :6], table[:, 6:9], table[:, 9:10], table[:, 10:11], table[:, 11:]):
+        _, exponent = np.frexp(np.abs(part).max())
+        out.update(np.rint(np.ldexp(part, POSE_BITS - int(exponent))).astype(np.int64).tobytes())
+        out.update(int(exponent).to_bytes(4, "little", signed=True))
+    return out.hexdigest()
+
+
+def rasters(options: Mapping[str, Any]) -> dict[tuple[str, str], str]:
+    """The files that build options name, each as ("raster", its name) with 32 hex digits of its bytes."""
+    out = {}
+    for file in (v for v in options.values() if isinstance(v, str) and v and os.path.isfile(v)):
+        status = os.stat(file)
+        out["raster", file] = _file_hash(os.path.abspath(file), status.st_mtime_ns, status.st_size)
+    return out
+
+
+def attribute_hash(options: Mapping[str, Any]) -> str:
+    """The hash of the file that build options name (several: theirs joined), empty where they name none."""
+    return "-".join(rasters(options).values())
+
+
+@lru_cache(maxsize=64)
+def _file_hash(file: str, _changed: int, _size: int) -> str:
+    with open(file, "rb") as opened:
+        return hashlib.file_digest(opened, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def hash_list(found: Mapping[tuple[str, str], str]) -> list[dict[str, str]]:
+    """Hashes by (what, name) as configurations hold them."""
+    return [{"what": what, "name": name, "value": value} for (what, name), value in found.items()]
+
+
+def check_hashes(where: str, known: Iterable[Mapping[str, str]], now: Iterable[Mapping[str, str]]) -> None:
+    """InvalidInput names the first thing that both lists name and that has another hash now."""
+    before = {(entry["what"], entry["name"]): entry["value"] for entry in known}
+    for entry in now:
+        old = before.get((entry["what"], entry["name"]), entry["value"])
+        if old != entry["value"]:
+            raise InvalidInput(
+                f"{where}: {entry['what']} {entry['name']} has changed since its runs were made (hash {old} there, "
+                f"{entry['value']} now); their rows do not compare. Choose another directory, or bring back what was"
+            )
+
+
+def merged(known: Iterable[Mapping[str, str]], now: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
+    """Both lists as one, each name once."""
+    return hash_list({(entry["what"], entry["name"]): entry["value"] for entry in (*known, *now)})
+
+
+# ---- what is kept ---------------------------------------------------------------------------------
+
+
+def take_path(
+    directory: RunDirectory, path: CameraPath, fields: Iterable[HeightField], size: tuple[int, int], fov: float | None
+) -> str:  # fmt: skip
+    """The name under which a path that lies in memory is flown again: a built-in one's where it is that, over every
+    field; else that of the key frames that the directory now keeps."""
+    views, fields = list(path.views(size, fov)), list(fields)
+    if path.name in BUILT_IN and fields:
+        own = (CameraPath.named(path.name, f, frames=len(path), fov=fov).views(size, fov) for f in fields)
+        if all(poses_hash(v) == poses_hash(views) for v in own):
+            return path.name
+    return keep_path(directory.path, path, views, directory.config is None)
+
+
+def keep_path(folder: Path, path: CameraPath, views: list[Any], fresh: bool) -> str:
+    """Writes a path that lies in memory as key frames, a key a frame; its name from `folder`. InvalidInput where
+    another path has that name in a directory that is not `fresh`: that has finished runs."""
+    keys = [
+        {"t": path.time(f), "eye": v.eye.tolist(), "target": v.target.tolist(), "up": v.up.tolist(), "fov": v.fov,
+         "near": v.near}
+        for f, v in enumerate(views)
+    ]  # fmt: skip
+    return _kept(folder, f"{_safe(path.name)}.toml", toml_text({"key": keys}).encode(), fresh)
+
+
+def keep_file(folder: Path, file: Path, fresh: bool) -> str:
+    """Copies a key-frame file; its name from `folder`. InvalidInput as `keep_path`, and when it cannot be read."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"camera path: cannot read {file}: {error.strerror}") from None
+    return _kept(folder, f"{_safe(file.stem)}{file.suffix.lower()}", data, fresh)
+
+
+def _kept(folder: Path, name: str, data: bytes, fresh: bool) -> str:
+    file = folder / "paths" / name
+    if not file.exists() or file.read_bytes() != data:
+        if file.exists() and not fresh:
+            raise InvalidInput(
+                f"run directory {folder}: path {name} has changed since its runs were made, or is another one of that "
+                "name; their rows do not compare. Choose another directory or another name"
+            )
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(file, data)
+    return f"paths/{name}"
+
+
+def keep_array(folder: Path, name: str, field: HeightField, most_mb: float) -> None:
+    """Writes the samples of a field without a SOURCE text as `sources/NAME.npy`, voids NaN, and its frame beside
+    it. Nothing where a SOURCE text loads it, and where it is larger than `most_mb`."""
+    if field.spec or field.filled.nbytes > most_mb * 2**20:
+        return
+    file = _array_file(folder, name)
+    state = field.__getstate__()
+    frame = json.dumps({**state["frame"], "name": state["name"], "hash": field.hash()}, indent=2) + "\n"
+    if file.exists() and file.with_suffix(".json").exists() and file.with_suffix(".json").read_text() == frame:
+        return
+    file.parent.mkdir(parents=True, exist_ok=True)
+    data = io.BytesIO()
+    np.save(data, field.heights)
+    file.unlink(missing_ok=True)  # no moment with the frame of one and the samples of another
+    write_atomic(file.with_suffix(".json"), frame)
+    write_atomic(file, data.getvalue())
+
+
+def kept_array(folder: Path, name: str) -> HeightField | None:
+    """What `keep_array` wrote, or None. StoreError when it is not what its frame says."""
+    file = _array_file(folder, name)
+    if not file.is_file():
+        return None
+    try:
+        heights = np.load(file, allow_pickle=False)
+        frame = json.loads(file.with_suffix(".json").read_text())
+        title, digest = frame.pop("name"), frame.pop("hash")
+        valid = np.isfinite(heights)
+        mask = None if valid.all() else np.ascontiguousarray(valid).view(np.uint8)
+        if mask is not None:
+            _core.fill_voids(heights, mask)
+        field = HeightField.__new__(HeightField)
+        field.__setstate__({"arrays": (heights, mask), "frame": frame, "spec": "", "name": title})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"source {name}: {file} is damaged: {error}") from None
+    if field.hash() != digest:
+        raise StoreError(f"source {name}: {file} is damaged: its hash is {field.hash()}, not {digest}")
+    return field
+
+
+def source_in(folder: Path, name: str) -> HeightField:
+    """The source of that name of a run directory: an array that it keeps, or what the SOURCE text loads."""
+    kept = kept_array(folder, name)
+    return as_source(name) if kept is None else kept
+
+
+def path_in(folder: Path, text: str) -> str | Path:
+    """A path as a run directory names it: the file of the key frames that it keeps, or a built-in name."""
+    return folder / text if (folder / text).is_file() else text
+
+
+def _array_file(folder: Path, name: str) -> Path:
+    return folder / "sources" / f"{_safe(name)}.npy"
+
+
+def _safe(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in name).lstrip(".") or "_"

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: MIT
+"""What is looked at: height fields, in memory and read by windows; their files, data sets and SOURCE texts."""
+
+from .heightfield import HeightField
+from .spec import SourceSpec, as_source, data_folder, find_file, load, parse
+
+__all__ = ["HeightField", "SourceSpec", "as_source", "data_folder", "find_file", "load", "parse"]

@@ -1,0 +1,447 @@
+# SPDX-License-Identifier: MIT
+"""Height fields: a grid of heights from an array or a raster file, flat or on a planet.
+
+Sample (row, column) lies at x = x0 + column dx, y = y0 - row dy; row 0 is north. Voids are filled smoothly
+for the core and stay NaN at this face. The native object (`_core`) is immutable.
+
+Longer than other files: one class, and a typed refusal for every kind of array that is no height field.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..errors import InvalidInput
+from .frames import EARTH_RADIUS, extent_of, finite, flat_place, make_frame, planet_place, positive, unplaced
+from .plausible import Rounding, Slopes, check_heights, marked
+from .raster import Raster, absolute, open_raster, title
+
+MAX_SAMPLES = 2**31
+WINDOW_SAMPLES = 64_000_000
+EXACT_IN_FLOAT32 = 2**24
+_ROWS = 256  # that are computed in double together
+
+
+def window_samples() -> int:
+    """Sources with more samples than this are read by windows: LODLAB_WINDOW_SAMPLES, else 64 million (256 MB)."""
+    text = os.environ.get("LODLAB_WINDOW_SAMPLES", "")
+    if text and not text.isdecimal():
+        raise InvalidInput(f"LODLAB_WINDOW_SAMPLES: {text!r} is not a whole number of samples")
+    return int(text) if text else WINDOW_SAMPLES
+
+
+def _text(value: Any) -> str:
+    """A key's value as SOURCE text that reads back the same."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return "/".join(_text(v) for v in value)
+    if isinstance(value, (float, np.floating)):
+        return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+    return str(value)
+
+
+def format_spec(name: str, keys: dict[str, Any]) -> str:
+    """SOURCE text of a name or file and its keys; keys that are None are left out."""
+    given = [f"{key}={_text(value)}" for key, value in keys.items() if value is not None]
+    return f"{name}:{','.join(given)}" if given else name
+
+
+def _nodata(value: Any) -> tuple[float, ...]:
+    """The marks of voids."""
+    several = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str)
+    try:
+        return () if value is None else tuple(map(float, value if several else (value,)))
+    except (TypeError, ValueError):
+        raise InvalidInput(f"height field: nodata {value!r} is not a number") from None
+
+
+def _as_array(values: Any, name: str) -> np.ndarray:
+    """What the caller gave as an array; rows of different lengths are no array."""
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise InvalidInput(f"height field: {name} is no array: {error}") from None
+
+
+def _check_array(array: np.ndarray, name: str) -> None:
+    if array.dtype.kind not in "iuf":
+        raise InvalidInput(f"height field: {name} has dtype {array.dtype}; real numbers are needed")
+    if array.ndim != 2:
+        raise InvalidInput(f"height field: {name} has {array.ndim} dimensions, shape {array.shape}; 2 are needed")
+    if min(array.shape) < 2:
+        raise InvalidInput(f"height field: {name} has shape {array.shape}; at least 2 x 2 samples are needed")
+    if array.shape[0] * array.shape[1] > MAX_SAMPLES:
+        raise InvalidInput(f"height field: {name} has shape {array.shape}: more than 2^31 samples")
+
+
+def _valid_mask(array: np.ndarray, marks: tuple[float, ...], given: np.ndarray | None) -> np.ndarray | None:
+    """(H, W) bool, or None when every sample is real."""
+    void = np.isnan(array) if array.dtype.kind == "f" else None
+    for mark in marks:
+        if (here := marked(array, mark)) is not None:
+            void = here if void is None else void | here
+    if given is not None:
+        void = ~given if void is None else void | ~given
+    return ~void if void is not None and void.any() else None
+
+
+def _to_float32(array: np.ndarray, scale: float, offset: float) -> np.ndarray:
+    """array * scale + offset, computed in double and rounded once, as C-contiguous float32."""
+    out = np.empty(array.shape, np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if scale == 1.0 and offset == 0.0:
+            np.copyto(out, array, casting="unsafe")
+        elif offset == 0.0:
+            np.multiply(array, scale, out=out, dtype=np.float64, casting="unsafe")
+        else:
+            for row in range(0, len(array), _ROWS):
+                out[row : row + _ROWS] = array[row : row + _ROWS].astype(np.float64) * scale + offset
+    return out
+
+
+def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offset: float) -> float:
+    """The step of integer heights: all real samples are whole multiples of it. 0: unknown."""
+    if array.dtype.kind == "f" or offset != 0.0:
+        return 0.0
+    where = True if valid is None else valid
+    low = int(np.min(array, where=where, initial=np.iinfo(array.dtype).max))
+    high = int(np.max(array, where=where, initial=np.iinfo(array.dtype).min))
+    return abs(scale) if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
+
+
+class HeightField:
+    """A grid of heights, flat (metres, z up) or on a planet (radius over longitude and latitude).
+
+    Axes: x runs east along the columns, y north, so that y falls down the rows: sample (row, column) lies at
+    x = x0 + column dx, y = y0 - row dy, and of an array with the default origin all y are 0 or below. A planet's
+    axis is z, longitude 0 on +x.
+
+    Parameters
+    ----------
+    array: (H, W) real numbers of any integer or floating dtype, at least 2 x 2, at most 2^31 samples; need
+        not be contiguous. Stored as float32: float64 and wide integers are rounded, with a warning where more
+        than 1/65536 of their relief is lost. NaN is void, and so are the masked samples of a masked array.
+    spacing: metres between samples, one number or (dx, dy). Default 30. Not for planets.
+    vertical_scale: factor on the heights.
+    nodata: one more value that means void, or several, before scaling; of floats the last two bits may differ.
+    planet: heights above a sphere of `radius` metres. Without `degrees`, the array covers the sphere:
+        columns from 0 degrees east round to 360, rows from 90 north to 90 south.
+    origin: (x0, y0), metres: the centre of the first sample. Not for planets.
+    degrees: (lon0, lat0, dlon, dlat) of a planet's samples. A last column that repeats the first, 360
+        degrees further, is dropped.
+    offset: added to the heights before vertical_scale.
+    raster: what the array are the samples of, with their scale, offset and unit; `HeightField.open` gives it.
+
+    Raises
+    ------
+    InvalidInput: dtype, shape, all void, infinite heights (the first is named), values out of range.
+    """
+
+    windowed = False  # read by windows: sources.windowed
+
+    def __init__(
+        self,
+        array: Any,
+        spacing: float | tuple[float, float] | None = None,
+        vertical_scale: float = 1.0,
+        nodata: float | Sequence[float] | None = None,
+        planet: bool = False,
+        radius: float = EARTH_RADIUS,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        degrees: tuple[float, float, float, float] | None = None,
+        name: str = "array",
+        spec: str = "",
+        offset: float = 0.0,
+        raster: Raster | None = None,
+    ) -> None:
+        given = None
+        if isinstance(array, np.ma.MaskedArray):
+            given = ~np.ma.getmaskarray(array)
+            array = array.data
+        array = _as_array(array, name)
+        marks = _nodata(nodata)
+        _check_array(array, name)
+        scale = vertical_scale = positive("vertical_scale", vertical_scale)
+        offset = finite("offset", offset) * scale
+        if raster is not None:
+            scale, offset = _scaling(raster, vertical_scale, offset)
+        frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
+        array = array[:, :columns]
+        given = None if given is None else given[:, :columns]
+        valid = _valid_mask(array, marks, given)
+        if valid is not None and not valid.any():
+            raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
+        heights = _to_float32(array, scale, offset)
+        if raster is not None:
+            check_heights(heights, valid, array, raster.place.path, raster.declares)
+        _check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
+        rounding = Rounding()
+        rounding.add(array, heights, valid, scale, offset)
+        rounding.warn(name, vertical_scale)
+        frame["height_step"] = _height_step(array, valid, scale, offset)
+        mask = None
+        if valid is not None:
+            mask = np.ascontiguousarray(valid).view(np.uint8)
+            _core.fill_voids(heights, mask)
+        del frame["rows"], frame["cols"]
+        self._core = _core.HeightField(heights, mask, **frame, spec=spec)
+        self.name = name
+        self._hash: str | None = None
+        self.used = {} if raster is None else raster.place.used()
+
+    @classmethod
+    def open(
+        cls,
+        path: str | os.PathLike[str],
+        spacing: float | tuple[float, float] | None = None,
+        vertical_scale: float = 1.0,
+        nodata: float | Sequence[float] | str | None = None,
+        planet: bool = False,
+        radius: float | None = None,
+        *,
+        band: int | None = None,
+        window: tuple[int, int, int, int] | None = None,
+        encoding: str | None = None,
+        offset: float = 0.0,
+        name: str | None = None,
+        dataset: str | None = None,
+    ) -> HeightField:
+        """Reads a raster: GeoTIFF and what else rasterio opens (virtual paths and subdatasets as
+        `zip://f.zip!x.tif`, `/vsigzip/f.tif.gz`, `NETCDF:f.nc:var`, `GPKG:f.gpkg:T` among it), `.npy`,
+        `f.npz:NAME`, or what OpenImageIO reads (EXR).
+
+        The geotransform gives the axes, or ground control points that hold a scale and a shift: south-up and
+        mirrored rasters are turned, rotated ones refused. Units are those that the file declares: of x and y by
+        its reference system, of heights by its band, else by its reference system; degrees become metres by the
+        lengths of a degree on its ellipsoid at the raster's middle latitude. What declares nothing is in metres.
+        `spacing` overrides the geotransform; without either it is 30. `used` says what was used.
+
+        nodata: overrides the raster's; several are possible; "none": every sample is real. Where a raster
+            declares none and its lowest or highest value is a customary mark (-9999, 32767, ...) far from all
+            others, a warning says so and those samples are void.
+        radius: of a planet, metres. Default 6371000, and for other bodies the mean radius of the ellipsoid.
+        band: from 1; needed where there are several, but for grey with opacity.
+        window: (row0, col0, rows, cols), row 0 north: only these samples are read.
+        encoding: "terrarium" or "mapbox": heights that red, green and blue hold together.
+        offset: metres, added to the heights before vertical_scale.
+
+        Raises InvalidInput naming the path: missing, a directory, unreadable, not a raster, damaged,
+        several bands, a palette, rotated, a height that cannot be, planet without degrees; and as the
+        constructor does.
+        """
+        if isinstance(nodata, str) and nodata != "none":
+            raise InvalidInput(f"height field: nodata {nodata!r} is neither a number nor 'none'")
+        marks = nodata if nodata is None or isinstance(nodata, str) else _nodata(nodata)
+        text = os.fspath(path)
+        text = absolute(text) or text
+        raster = open_raster(text, band=band, window=window, nodata=marks, encoding=encoding, most=window_samples())
+        vertical_scale, offset = positive("vertical_scale", vertical_scale), finite("offset", offset)
+        place = raster.place
+        usual = EARTH_RADIUS if place.reference.earthly or not planet else place.reference.mean_radius
+        keys: dict[str, Any] = {
+            "spacing": spacing,
+            "vertical_scale": None if vertical_scale == 1.0 else vertical_scale,
+            "nodata": raster.guessed or nodata,
+            "planet": True if planet else None,
+            "radius": None if radius is None or radius == usual else radius,
+            "band": band,
+            "window": window,
+            "encoding": encoding,
+            "offset": None if offset == 0.0 else offset,
+        }
+        radius = usual if radius is None else radius
+        placed = planet_place(place, raster.whole) if planet else flat_place(place, spacing)
+        if planet:
+            placed["spacing"] = spacing  # refused by the constructor when given
+        name = name or title(text)
+        spec = format_spec(dataset or (text if absolute(text) else os.path.abspath(text)), keys)
+        if not isinstance(raster.samples, np.ndarray):
+            from .windowed import RasterReader, WindowedHeightField
+
+            frame, cols = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
+            scaling = _scaling(raster, vertical_scale, offset * vertical_scale)
+            reader = RasterReader(raster, cols, nodata is None and encoding is None, scaling, vertical_scale)
+            return WindowedHeightField(reader, frame, name, spec, place.used())
+        field = cls(
+            raster.samples,
+            vertical_scale=vertical_scale,
+            nodata=raster.nodata,
+            planet=planet,
+            radius=radius,
+            name=name,
+            spec=spec,
+            offset=offset,
+            raster=raster,
+            **placed,
+        )
+        if not planet:
+            slopes = Slopes(field.spacing[0], vertical_scale)
+            slopes.add(field.filled, None if field._core.valid is None else field.valid)
+            slopes.warn(text, unplaced(place))
+        return field
+
+    @property
+    def core(self) -> Any:
+        """The native height field, in memory."""
+        return self._core
+
+    @property
+    def rows_core(self) -> Any:
+        """The native field for methods that build by rows: in memory or not."""
+        return self._core
+
+    def loaded(self) -> HeightField:
+        """The field in memory: itself, but for one that is read by windows."""
+        return self
+
+    @property
+    def grid(self) -> Any:
+        """Filled heights by row and column."""
+        return self._core.heights
+
+    def every(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Every step-th row and column: filled heights, and which are real."""
+        return self.filled[::step, ::step], self.valid[::step, ::step]
+
+    @property
+    def heights(self) -> np.ndarray:
+        """(H, W) float32, metres; voids are NaN. Read-only."""
+        filled = self._core.heights
+        if self._core.valid is None:
+            return filled
+        out = np.where(self.valid, filled, np.float32(np.nan))
+        out.flags.writeable = False
+        return out
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(H, W) bool: True where the sample is real. Read-only."""
+        mask = self._core.valid
+        return np.broadcast_to(np.True_, self.shape) if mask is None else mask.view(bool)
+
+    @property
+    def void_samples(self) -> int:
+        """Samples that are not real."""
+        return 0 if self._core.valid is None else int(self._core.valid.size - np.count_nonzero(self._core.valid))
+
+    @property
+    def filled(self) -> np.ndarray:
+        """(H, W) float32, metres; voids hold the membrane that was put there. Read-only."""
+        return self._core.heights
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self._core.rows, self._core.cols
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """(dx, dy), metres between samples; on a planet along the equator and the meridians."""
+        return self._core.dx, self._core.dy
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """(x0, y0), metres: the centre of the first sample."""
+        return self._core.x0, self._core.y0
+
+    @property
+    def planet(self) -> bool:
+        """Whether the heights stand on a sphere."""
+        return self._core.planet
+
+    @property
+    def radius(self) -> float:
+        """The planet's radius, metres."""
+        return self._core.radius
+
+    @property
+    def spec(self) -> str:
+        """SOURCE text that loads this field again, or empty for arrays."""
+        return self._core.spec
+
+    def hash(self) -> str:
+        """32 hex digits of heights, voids and placement."""
+        if self._hash is None:
+            self._hash = self._core.hash()
+        return self._hash
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker process needs to have the same field."""
+        core = self._core
+        frame = {k: v for k, v in core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
+        kept = {"spec": core.spec, "name": self.name, "used": self.used}
+        return {"arrays": (core.heights, core.valid), "frame": frame, **kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._core = _core.HeightField(*state["arrays"], **state["frame"], spec=state["spec"])
+        self.name = state["name"]
+        self.used = state.get("used", {})
+        self._hash = None
+
+    @property
+    def where(self) -> str:
+        """Spacing and extent, in words; of a planet its radius."""
+        dx, dy = self.spacing
+        spacing = "" if self.planet else f"spacing {dx:.6g} x {dy:.6g} m, "
+        return spacing + extent_of(self._placed)
+
+    @property
+    def _placed(self) -> dict[str, Any]:
+        return self._core.frame()
+
+    def __repr__(self) -> str:
+        core = self._core
+        voids = self.void_samples
+        parts = [f"{core.rows} x {core.cols}", self.where, f"heights {core.z_min:g} to {core.z_max:g} m"]
+        return f"<HeightField {self.name}: {', '.join(parts)}{f', {voids} voids' if voids else ''}>"
+
+    def thumbnail(self, width: int = 256) -> np.ndarray:
+        """A hillshade with height tints, (h, w, 3) uint8, at most `width` pixels wide or high."""
+        from .thumbnail import hillshade
+
+        return hillshade(self, width)
+
+    def _repr_png_(self) -> bytes:
+        from ..pictures import encode
+
+        return encode(self.thumbnail())
+
+    def _repr_html_(self) -> str:
+        import base64
+        from html import escape
+
+        picture = base64.b64encode(self._repr_png_()).decode()
+        text = escape(repr(self).strip("<>"))
+        return (
+            f'<figure style="margin:0"><img alt="hillshade" src="data:image/png;base64,{picture}">'
+            f"<figcaption>{text}</figcaption></figure>"
+        )
+
+
+def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[float, float]:
+    """Factor and summand that make heights of a raster's samples; `offset` is added, metres."""
+    if not (math.isfinite(raster.scale) and raster.scale != 0 and math.isfinite(raster.offset)):
+        raise InvalidInput(
+            f"open {raster.place.path}: its band has scale {raster.scale:g} and offset {raster.offset:g}; a scale that "
+            "is not 0 and a finite offset are needed"
+        )
+    scale = vertical_scale * (raster.scale * raster.place.vertical)
+    return scale, raster.offset / raster.scale * scale + offset
+
+
+def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:
+    bad = np.isinf(heights) if valid is None else np.isinf(heights) & valid
+    if bad.any():
+        row, col = np.unravel_index(int(np.argmax(bad)), bad.shape)
+        raise InvalidInput(
+            f"height field: {name} has height {array[row, col]} at row {row}, column {col}{scaled}; "
+            "heights are finite and fit float32"
+        )
