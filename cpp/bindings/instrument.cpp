@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The instrument for Python: one object a source. It draws the cuts that it measures, on the thread that
 // owns the GL context; what takes long runs without the GIL.
-#include "instrument/instrument.h"
+#include "instrument/measurement.h"
 
 #include <pybind11/stl.h>
 
@@ -11,7 +11,7 @@
 #include "base/errors.h"
 #include "bindings/session.h"
 #include "gl/context.h"
-#include "instrument/measurement.h"
+#include "instrument/field_ruler.h"
 #include "instrument/picture_difference.h"
 #include "instrument/slack.h"
 #include "instrument/ssim.h"
@@ -21,7 +21,6 @@ namespace py = pybind11;
 namespace lodlab {
 namespace {
 
-using instrument::Instrument;
 using instrument::Measurement;
 using instrument::Reference;
 
@@ -33,8 +32,13 @@ using Parts = std::vector<Part>;
 struct PyMeasurement {
   Parts parts, before;
   Measurement measurement;
-  std::unique_ptr<std::mutex> mutex =
-      std::make_unique<std::mutex>();  ///< figures are kept when first computed
+  std::mutex mutex;  ///< figures are kept when first computed
+
+  PyMeasurement(Parts drawn, Parts drawn_before, std::shared_ptr<const instrument::Ruler> ruler,
+                std::shared_ptr<const render::FieldResources> resources, instrument::Subject subject)
+      : parts(std::move(drawn)),
+        before(std::move(drawn_before)),
+        measurement(std::move(ruler), std::move(resources), std::move(subject)) {}
 };
 
 render::DrawCall draw_call(const Parts& parts) {
@@ -60,20 +64,20 @@ class PyInstrument {
  public:
   PyInstrument(std::shared_ptr<FieldSource> source, std::shared_ptr<PySession> reference)
       : source_(given("Instrument: source", std::move(source))),
-        instrument_(std::make_shared<Instrument>(source_)),
+        ruler_(std::make_shared<instrument::FieldRuler>(source_)),
         hash_(source_->hash()),
         full_(std::move(reference)) {
     if (full_ != nullptr) check_source(*full_, "Instrument");
   }
 
-  const Instrument& core() const { return *instrument_; }
+  const instrument::Ruler& ruler() const { return *ruler_; }
 
   std::shared_ptr<const Reference> reference(const View& view) {
     if (full_ == nullptr)
       throw InvalidInput("reference: the instrument was made without a session of `full`");
     const Camera camera = make_camera(view);
     const PyCut cut{full_->selecting().select(view, Budget()), full_->store().hierarchy};
-    return instrument_->reference(camera, full_->draw_call(cut));
+    return instrument::draw_reference(*ruler_, camera, full_->draw_call(cut));
   }
 
   void check_source(const PySession& session, const char* operation) const {
@@ -105,9 +109,8 @@ class PyInstrument {
     }
     subject.reference = std::move(reference);
     subject.pictures = pictures;
-    Measurement measurement(instrument_, resources(), std::move(subject));
-    return std::make_shared<PyMeasurement>(
-        PyMeasurement{std::move(parts), std::move(before), std::move(measurement)});
+    return std::make_shared<PyMeasurement>(std::move(parts), std::move(before), ruler_, resources(),
+                                           std::move(subject));
   }
 
  private:
@@ -118,7 +121,7 @@ class PyInstrument {
   }
 
   std::shared_ptr<const FieldSource> source_;
-  std::shared_ptr<Instrument> instrument_;
+  std::shared_ptr<const instrument::Ruler> ruler_;
   std::string hash_;
   std::shared_ptr<PySession> full_;
   std::shared_ptr<const render::FieldResources> resources_;
@@ -184,7 +187,7 @@ template <class Figure>
 auto figure(Figure (Measurement::*function)()) {
   return [function](PyMeasurement& self) {
     const py::gil_scoped_release release;
-    const std::lock_guard lock(*self.mutex);
+    const std::lock_guard lock(self.mutex);
     return (self.measurement.*function)();
   };
 }
@@ -199,7 +202,7 @@ py::array_t<uint8_t> drawn_image(PyMeasurement& self) {
   std::vector<uint8_t> image;
   {
     const py::gil_scoped_release release;
-    const std::lock_guard lock(*self.mutex);
+    const std::lock_guard lock(self.mutex);
     image = self.measurement.drawn().rgba;
   }
   const Camera& camera = self.measurement.camera();
@@ -348,7 +351,7 @@ void bind_instrument(py::module_& m) {
           "For calibration: a Measurement of cuts of any stores, of other sources too, drawn together: "
           "(session, cut) pairs.")
       .def(
-          "slack", [](const PyInstrument& self, const View& at) { return self.core().slack(at.eye); }, view,
+          "slack", [](const PyInstrument& self, const View& at) { return self.ruler().slack(at.eye); }, view,
           "world_slack at the farthest sample, source units: what laws on measured_max allow.");
 }
 

@@ -5,9 +5,8 @@
 #include <cmath>
 
 #include "base/errors.h"
-#include "instrument/crack_edges.h"
-#include "instrument/fillers.h"
 #include "instrument/picture_difference.h"
+#include "instrument/pixel_error.h"
 #include "instrument/ssim.h"
 
 namespace lodlab::instrument {
@@ -34,17 +33,18 @@ const T& kept(std::optional<T>& slot, const Make& make) {
   return *slot;
 }
 
-bool has_fillers(const render::Captured& captured) {
-  return std::any_of(captured.vertices.begin(), captured.vertices.end(),
-                     [](const render::CapturedVertex& v) { return (v.bits & 1u) != 0; });
-}
-
 }  // namespace
 
-Measurement::Measurement(std::shared_ptr<const Instrument> instrument,
+Measurement::Measurement(std::shared_ptr<const Ruler> ruler,
                          std::shared_ptr<const render::FieldResources> resources, Subject subject)
-    : instrument_(std::move(instrument)), resources_(std::move(resources)), subject_(std::move(subject)) {
-  instrument_->check_near(subject_.camera.eye);
+    : ruler_(std::move(ruler)), resources_(std::move(resources)), subject_(std::move(subject)) {
+  const Camera& camera = subject_.camera;
+  ruler_->check_near(camera.eye);
+  std::function<render::Captured()> before;
+  if (subject_.draw_before)
+    before = [this] { return render::capture(subject_.camera, subject_.draw_before, true); };
+  laid_ = ruler_->lay(
+      {camera, [this]() -> const render::Captured& { return whole(); }, before, subject_.drawn_by});
   if (!subject_.pictures) subject_.reference = nullptr;
   if (subject_.reference != nullptr) check_view(*subject_.reference, subject_.camera);
 }
@@ -53,30 +53,6 @@ Measurement::Measurement(std::shared_ptr<const Instrument> instrument,
 
 const render::Captured& Measurement::whole() {
   return kept(whole_, [&] { return render::capture(subject_.camera, subject_.draw, true); });
-}
-
-const HeightField& Measurement::field() const {
-  return field_in_memory(instrument_->source(), "measure: this");
-}
-
-DrawnSurface Measurement::rasterize(const HeightField& field, const SampleGrid& grid,
-                                    const render::Captured& captured, std::vector<float>* worst) const {
-  try {
-    return DrawnSurface(field, grid, captured, worst);
-  } catch (const InvalidInput& error) {
-    throw InvalidInput(subject_.drawn_by + ": " + error.what());
-  }
-}
-
-const DrawnSurface& Measurement::surface() {
-  return kept(surface_, [&] { return rasterize(field(), grid(), whole(), &worst_of_triangle_); });
-}
-
-const DrawnSurface* Measurement::before() {
-  if (!subject_.draw_before) return nullptr;
-  return &kept(before_, [&] {
-    return rasterize(field(), grid(), render::capture(subject_.camera, subject_.draw_before, true), nullptr);
-  });
 }
 
 const render::Picture& Measurement::drawn() {
@@ -90,78 +66,12 @@ double Measurement::optimum_gap() {
   return subject_.predicted_px == optimum ? 0.0 : subject_.predicted_px / optimum - 1.0;
 }
 
-// Figures over samples --------------------------------------------------------------------------------------
-
-const Measurement::ByRows& Measurement::by_rows() {
-  return kept(by_rows_, [&] {
-    ByRows out;
-    double max = 0.0, squares = 0.0;
-    const render::Captured& captured = whole();
-    std::optional<render::Captured> earlier;
-    if (subject_.draw_before) earlier = render::capture(subject_.camera, subject_.draw_before, true);
-    worst_of_triangle_.assign(captured.vertices.size() / 3, -1.0f);
-    std::vector<float> worst;
-    const InView in_view = instrument_->in_view(subject_.camera);
-    instrument_->for_parts([&](const HeightField& part, const SampleGrid& part_grid) {
-      const DrawnSurface drawn = rasterize(part, part_grid, captured, &worst);
-      for (size_t i = 0; i < worst.size(); ++i)
-        worst_of_triangle_[i] = std::max(worst_of_triangle_[i], worst[i]);
-      const SampleError found = sample_error(part, drawn);
-      max = std::fmax(max, found.max);
-      if (found.samples > 0) squares += found.rms * found.rms * static_cast<double>(found.samples);
-      out.samples.holes += found.holes;
-      out.samples.samples += found.samples;
-      out.px_max = std::fmax(out.px_max, sample_error_px(part, part_grid, drawn, in_view));
-      if (!earlier) return;
-      const DrawnSurface from = rasterize(part, part_grid, *earlier, nullptr);
-      out.pop_px_max = std::fmax(out.pop_px_max, surface_jump(part, part_grid, from, drawn, in_view));
-    });
-    out.samples.max = max;
-    out.samples.rms = std::sqrt(squares / static_cast<double>(out.samples.samples));
-    return out;
-  });
-}
-
-const SampleError& Measurement::samples() {
-  if (!in_memory()) return by_rows().samples;
-  return kept(samples_, [&] { return sample_error(field(), surface()); });
-}
-
 double Measurement::measured_px_max() {
-  if (!in_memory()) return by_rows().px_max;
-  return kept(px_max_, [&] {
-    return sample_error_px(field(), grid(), surface(), instrument_->in_view(subject_.camera));
-  });
+  return kept(px_max_, [&] { return laid_->px_max(); });
 }
-
-double Measurement::pop_px_max() {
-  if (!in_memory()) return by_rows().pop_px_max;
-  const DrawnSurface* from = before();
-  return from == nullptr
-             ? kUndefined
-             : surface_jump(field(), grid(), *from, surface(), instrument_->in_view(subject_.camera));
-}
-
-std::vector<NodeError> Measurement::node_errors() {
-  if (in_memory()) {
-    surface();
-  } else {
-    by_rows();
-  }
-  return worst_of_nodes(whole(), worst_of_triangle_);
-}
-
-// Figures of the triangles themselves -----------------------------------------------------------------------
-
-int64_t Measurement::crack_edges() { return lodlab::instrument::crack_edges(grid(), whole()); }
 
 const Orientation& Measurement::orientation() {
-  return kept(orientation_, [&] { return lodlab::instrument::orientation(grid(), whole()); });
-}
-
-int64_t Measurement::raised_filler_triangles() {
-  if (!in_memory() && !has_fillers(whole())) return 0;
-  return raised_fillers(field(), grid(), surface(), whole());
+  return kept(orientation_, [&] { return ruler_->orientation(whole()); });
 }
 
 // Figures over pixels ---------------------------------------------------------------------------------------
@@ -169,19 +79,18 @@ int64_t Measurement::raised_filler_triangles() {
 const PixelError& Measurement::pixels() {
   return kept(pixels_, [&] {
     if (subject_.reference == nullptr) return PixelError{};
-    return pixel_error(field(), grid(), surface(), subject_.reference->shade, subject_.camera);
+    return pixel_error(laid_->to_drawn(), subject_.reference->shade, subject_.camera);
   });
 }
 
 double Measurement::pop_area() {
-  if (subject_.reference == nullptr) return kUndefined;
-  const DrawnSurface* from = before();
-  if (from == nullptr) return kUndefined;
-  return jumping_share(field(), grid(), *from, surface(), subject_.reference->shade, subject_.camera);
+  if (subject_.reference == nullptr || !subject_.draw_before) return kUndefined;
+  return jumping_share(laid_->to_drawn_before(), laid_->to_drawn(), subject_.reference->shade,
+                       subject_.camera);
 }
 
 std::vector<float> Measurement::error_px() {
-  return error_picture(field(), grid(), surface(), drawn(), subject_.camera);
+  return error_picture(laid_->to_source(), drawn(), subject_.camera);
 }
 
 /// Two empty pictures are no agreement.
@@ -223,7 +132,7 @@ const CrackPixels& Measurement::cracks() {
     const Camera camera = with_margin(subject_.camera);
     const render::Picture& wanted = subject_.reference->classes;
     double error_px =
-        std::fmax(pixels().finite_max, pixel_error(field(), grid(), surface(), wanted, camera).finite_max);
+        std::fmax(pixels().finite_max, pixel_error(laid_->to_drawn(), wanted, camera).finite_max);
     const auto classes = [&](const Camera& from) {
       return render::draw_picture(from, render::Show::kClass, subject_.draw, false);
     };
@@ -242,8 +151,7 @@ const CrackPixels& Measurement::cracks() {
       error_px = std::fmax(error_px, finite_max(this->error_px()));
       out = found();
     }
-    const glm::dvec3 up = up_at(grid(), glm::dvec3(0.0), subject_.camera.eye);
-    if (out.pixels > 0 && !stands_free(whole(), camera, up)) out.pixels = kUndefined;
+    if (out.pixels > 0 && !ruler_->stands_free(whole(), camera)) out.pixels = kUndefined;
     return out;
   });
 }

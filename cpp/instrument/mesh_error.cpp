@@ -11,13 +11,11 @@
 #include "base/parallel.h"
 #include "geometry/bounds.h"
 #include "instrument/mesh_distance.h"
-#include "instrument/pixels.h"
+#include "instrument/pixel_error.h"
 #include "instrument/screen.h"
 
 namespace lodlab::instrument {
 namespace {
-
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 /// Work that a maximum may take, in pieces of surface (10 us each): minutes. One surface cut into other
 /// triangles takes about 10 a triangle; most take a few thousand in all.
@@ -79,11 +77,12 @@ double vertex_error_px(const Mesh& source, const std::vector<Closest>& drawn, co
 
 PixelError pixel_error(const MeshSurface& drawn, const render::Picture& reference, const Camera& camera,
                        const glm::dvec3& offset) {
-  return summarize(over_pixels(reference, camera, [&](const glm::dvec3& point) {
-    const Closest closest = drawn.closest(point - offset);
-    return closest.triangle == kNoTriangle ? kInfinite
-                                           : screen_distance(camera, point, closest.point + offset);
-  }));
+  return lodlab::instrument::pixel_error(
+      [&](std::span<const glm::dvec3> points, std::span<glm::dvec3> out) {
+        for (size_t i = 0; i < points.size(); ++i)
+          out[i] = drawn.closest(points[i] - offset).point + offset;  // NaN where nothing is drawn
+      },
+      reference, camera);
 }
 
 }  // namespace

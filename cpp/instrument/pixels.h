@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,12 +27,13 @@ inline glm::dvec3 unproject(const Camera& camera, int x, int y, double depth) {
 /// A pixel without a surface, among distances.
 inline constexpr double kNothing = -1.0;
 
-/// Calls `distance(point)` at every covered pixel with the point that it shows, relative to the eye. Row by
-/// row; kNothing where the picture is empty. InvalidInput when it has no depth or not the camera's size.
-template <class Distance>
-std::vector<double> over_pixels(const render::Picture& picture, const Camera& camera,
-                                const Distance& distance) {
-  const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
+/// Calls `distances(points, out)` for every row of pixels with the points that its covered ones show,
+/// relative to the eye, for a distance at each. Row by row; kNothing where the picture is empty. InvalidInput
+/// when it has no depth or not the camera's size.
+template <class Distances>
+std::vector<double> over_rows(const render::Picture& picture, const Camera& camera,
+                              const Distances& distances) {
+  const size_t width = static_cast<size_t>(camera.width), pixels = width * static_cast<size_t>(camera.height);
   if (picture.width != camera.width || picture.height != camera.height || picture.depth.size() != pixels) {
     throw InvalidInput("measure: the picture is " + std::to_string(picture.width) + " x " +
                        std::to_string(picture.height) + " with " + std::to_string(picture.depth.size()) +
@@ -40,12 +42,22 @@ std::vector<double> over_pixels(const render::Picture& picture, const Camera& ca
   }
   std::vector<double> out(pixels, kNothing);
   parallel_for(camera.height, 8, [&](int64_t begin, int64_t end) {
+    std::vector<glm::dvec3> points;
+    std::vector<size_t> at;
+    std::vector<double> found;
     for (int64_t y = begin; y < end; ++y) {
+      points.clear();
+      at.clear();
       for (int x = 0; x < camera.width; ++x) {
-        const size_t pixel = static_cast<size_t>(y * camera.width + x);
+        const size_t pixel = static_cast<size_t>(y) * width + static_cast<size_t>(x);
         const double depth = picture.depth[pixel];
-        if (std::isfinite(depth)) out[pixel] = distance(unproject(camera, x, static_cast<int>(y), depth));
+        if (!std::isfinite(depth)) continue;
+        points.push_back(unproject(camera, x, static_cast<int>(y), depth));
+        at.push_back(pixel);
       }
+      found.resize(points.size());
+      distances(std::span<const glm::dvec3>(points), std::span<double>(found));
+      for (size_t i = 0; i < at.size(); ++i) out[at[i]] = found[i];
     }
   });
   return out;

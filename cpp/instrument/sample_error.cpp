@@ -10,8 +10,6 @@
 namespace lodlab::instrument {
 namespace {
 
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
-
 int64_t row_grain(const HeightField& field) { return std::max<int64_t>(1, 16384 / field.cols); }
 
 template <class Result, class Body>

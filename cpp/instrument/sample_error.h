@@ -13,6 +13,7 @@
 namespace lodlab::instrument {
 
 inline constexpr double kUndefined = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 struct SampleError {
   double max = kUndefined;  ///< source units, over all non-void samples; inf with any hole

@@ -8,6 +8,7 @@
 #include "base/parallel.h"
 #include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
+#include "instrument/field_ruler.h"
 #include "instrument/orientation.h"
 #include "instrument/picture_difference.h"
 #include "instrument/pixel_error.h"
@@ -572,19 +573,22 @@ TEST_CASE("pixels of the reference are measured by the source's own triangles") 
 
   render::Picture reference = picture(1000, 1000, 255);
   reference.depth.assign(1000000, std::numeric_limits<float>::infinity());
-  CHECK(std::isnan(pixel_error(*source, grid, surface, reference, camera).p99));
+  CHECK(std::isnan(pixel_error(along_up(*source, grid, surface, camera.eye, 1.0), reference, camera).p99));
   reference.depth[499 * 1000 + 700] = 10.0f;  // the pixel centre at x = 2.005, y = 0.005 of the eye
-  const PixelError one = pixel_error(*source, grid, surface, reference, camera);
+  const PixelError one = pixel_error(along_up(*source, grid, surface, camera.eye, 1.0), reference, camera);
   CHECK(one.pixels == 1);
   const double lifted = 2.0 * (1.0 - 0.005), reach = std::hypot(2.005, 0.005);
   CHECK(one.p99 == doctest::Approx(1000.0 * reach * (1.0 / (10.0 - lifted) - 0.1)).epsilon(1e-4));
   for (int i = 0; i < 99; ++i) reference.depth[size_t(i)] = 10.0f;  // far off: no error there
-  const PixelError hundred = pixel_error(*source, grid, surface, reference, camera);
+  const PixelError hundred =
+      pixel_error(along_up(*source, grid, surface, camera.eye, 1.0), reference, camera);
   CHECK(hundred.p99 == doctest::Approx(0.0));
   CHECK(hundred.rms == doctest::Approx(one.rms / 10.0));
   View small;
   small.width = 10;
-  CHECK_THROWS_AS(pixel_error(*source, grid, surface, reference, make_camera(small)), InvalidInput);
+  CHECK_THROWS_AS(
+      pixel_error(along_up(*source, grid, surface, camera.eye, 1.0), reference, make_camera(small)),
+      InvalidInput);
 }
 
 TEST_CASE("the erosion is a Euclidean disc, and nothing is set beyond the picture's border") {
