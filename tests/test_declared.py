@@ -85,7 +85,7 @@ def test_whole_heights_in_feet_keep_their_step(load, tmp_path):
     path = write(tmp_path / "a.tif", HILLS.astype(np.int16), METRES, "EPSG:32612")
     with rasterio.open(path, "r+") as dataset:
         dataset.units = ("ft",)
-    assert load(path).rows_core.frame()["height_step"] == 0.3048
+    assert load(path).core.frame()["height_step"] == 0.3048
 
 
 def test_a_unit_that_is_no_length_and_one_that_is_contradicted_are_warned_of(tmp_path):
@@ -206,7 +206,7 @@ def test_a_mark_among_heights_like_it_is_a_height(load, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         field = load(write(tmp_path / "a.tif", z, Affine(3e4, 0, 0, 0, -3e4, 0), "EPSG:32632"))
-    assert field.void_samples == 0 and field.rows_core.z_max == 9999
+    assert field.void_samples == 0 and field.core.z_max == 9999
 
 
 # ---- placement ------------------------------------------------------------------------------------
@@ -260,7 +260,7 @@ def test_negative_scales_are_heights(load, tmp_path):
         out.scales = (-0.5,)
     field = load(path)
     assert np.array_equal(field.heights, -0.5 * (-HILLS).astype(np.int16))
-    assert field.rows_core.frame()["height_step"] == 0.5
+    assert field.core.frame()["height_step"] == 0.5
 
 
 def test_grey_and_opacity_are_one_band_and_a_mask(load, tmp_path):

@@ -62,7 +62,7 @@ def test_a_windowed_source_is_the_one_in_memory(small, spec):
     for name in ("shape", "spacing", "origin", "planet", "radius", "spec", "name"):
         assert getattr(windowed, name) == getattr(held, name)
     assert windowed.hash() == held.hash()
-    assert windowed.rows_core.frame() == held.core.frame()
+    assert windowed.core.frame() == held.core.frame()
     assert np.array_equal(windowed.heights, held.heights) and windowed.valid.all()
     assert np.array_equal(windowed.thumbnail(), held.thumbnail())
     assert pickle.loads(pickle.dumps(windowed)).hash() == held.hash()
@@ -210,7 +210,7 @@ def test_voids_of_windowed_rasters_are_filled_alike_whatever_is_read(small, tmp_
     assert windowed.void_samples == held.void_samples > 0
     assert np.array_equal(windowed.valid, held.valid)
     assert np.array_equal(windowed.heights, held.heights, equal_nan=True)
-    assert windowed.rows_core.frame()["height_step"] == held.core.frame()["height_step"] == 1.0
+    assert windowed.core.frame()["height_step"] == held.core.frame()["height_step"] == 1.0
     filled = windowed.filled
     assert np.isfinite(filled).all() and filled[held.valid].max() >= filled.max()
     windows = windowed.grid
@@ -220,14 +220,14 @@ def test_voids_of_windowed_rasters_are_filled_alike_whatever_is_read(small, tmp_
     assert windowed.hash() == pickle.loads(pickle.dumps(windowed)).hash() == windowed.loaded().hash()
     stores = [
         _core.build(given, "multigrain", tmp_path / f"{k}.lod", BUILDS[3])
-        for k, given in enumerate((windowed.loaded().core, windowed.rows_core))
+        for k, given in enumerate((windowed.loaded().core, windowed.core))
     ]
     assert stores[0].info()["content_hash"] == stores[1].info()["content_hash"]
     session = stores[1].session({})
     view = CameraPath.flyover(windowed, frames=3).view(1, size=(96, 64))
     cut = session.select(view, _core.Budget(pixel_error=4.0))
     whole, banded = (
-        measure(_core.Instrument(given), session, cut, view) for given in (windowed.loaded().core, windowed.rows_core)
+        measure(_core.Instrument(given), session, cut, view) for given in (windowed.loaded().core, windowed.core)
     )
     assert whole["measured_samples"] == held.valid.sum()
     for metric in METRICS:
@@ -242,7 +242,7 @@ def test_marks_of_voids_that_a_windowed_raster_does_not_declare_are_asked_about(
         _, windowed = small(str(path))
     with pytest.raises(InvalidInput, match="nodata=-32768 takes it as void"):
         windowed.hash()
-    assert datasets.load(f"{path}:nodata=none").rows_core.z_min == -32768.0
+    assert datasets.load(f"{path}:nodata=none").core.z_min == -32768.0
     assert datasets.load(f"{path}:nodata=-32768").void_samples == 1
     write(path, np.full_like(z, -32768), nodata=-32768)
     with pytest.raises(InvalidInput, match="all samples are void"):
@@ -261,8 +261,11 @@ def test_stores_of_windowed_sources_are_flown_and_measured(small, tmp_path):
     assert frames["psnr_db"].isna().all()
     audit = lod.instrument.audit(store, progress=False)
     assert audit.nodes["holds"].all() and len(audit.nodes) > 0
-    with pytest.raises(Unsupported, match="257 x 257 = 66,049 samples"):
-        windowed.core.frame()
+    view = lod.CameraPath.flyover(windowed, frames=2).view(0, size=(96, 64))
+    session = store.session()
+    measured = _core.Instrument(windowed.core).examine(session.core, session.select(view, {"nodes": 50}).core, view)
+    with pytest.raises(Unsupported, match="257 x 257 samples are read by windows"):
+        measured.error_px()
 
 
 def test_methods_that_need_the_source_in_memory_load_it(small, tmp_path):
@@ -270,7 +273,7 @@ def test_methods_that_need_the_source_in_memory_load_it(small, tmp_path):
     stores = [lod.build(f, "chunked", tmp_path / f"{f.windowed}.lod", progress=False) for f in (held, windowed)]
     assert stores[0].info()["content_hash"] == stores[1].info()["content_hash"]
     with pytest.raises(Unsupported, match="needs the source in memory"):
-        _core.build(windowed.rows_core, "full", tmp_path / "f.lod")
+        _core.build(windowed.core, "full", tmp_path / "f.lod")
 
 
 @pytest.mark.parametrize("spec", ["fractal:size=257", SPECS[2]])

@@ -254,7 +254,7 @@ def info(
 def source_info(text: str) -> dict[str, Any]:
     """What `info` says of a source."""
     field = lodlab.datasets.load(text)
-    frame = dict(field.rows_core.frame())
+    frame = dict(field.core.frame())
     flat = ("dx", "dy", "x0", "y0")
     round_ = ("radius", "lon0", "lat0", "dlon", "dlat", "wraps")
     hidden = flat if field.planet else round_

@@ -197,7 +197,7 @@ class _Auditor:
 
     def __init__(self, store: Store, session: Any):
         self.store, self.session = store, session
-        self.instrument = _core.Instrument(store.source.rows_core, None)
+        self.instrument = _core.Instrument(store.source.core, None)
         table = store.nodes
         low, high = table["box_min"].min(axis=0), table["box_max"].max(axis=0)
         eye = 0.5 * (low + high)

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..sources.heightfield import HeightField
+from ..sources.base import FieldSource
 
 Vec = np.ndarray  # (3,) float64
 _BAND = 256  # rows that are looked at together
@@ -39,7 +39,7 @@ class _Relief:
 class Ground:
     """Heights, places and directions on a height field; voids count as filled."""
 
-    def __init__(self, field: HeightField) -> None:
+    def __init__(self, field: FieldSource) -> None:
         core = field._core
         self.core = core
         self.heights = field.grid

@@ -17,7 +17,7 @@ from .keyframes import poses_of_array, poses_of_keys, read_file
 from .terrain import BUILT_IN, Pose, PoseAt
 
 if TYPE_CHECKING:
-    from ..sources.heightfield import HeightField
+    from ..sources.base import FieldSource
 
 DEFAULT_FRAMES = 120
 DEFAULT_FOV = 60.0
@@ -93,7 +93,7 @@ class CameraPath:
         return CameraPath(self.name, self._pose_at, steps + 1, self.fov)
 
     @classmethod
-    def _built_in(cls, name: str, source: HeightField, frames: int, fov: float | None) -> CameraPath:
+    def _built_in(cls, name: str, source: FieldSource, frames: int, fov: float | None) -> CameraPath:
         from .ground import Ground
 
         frames = _whole("frames", frames, 1, MAX_FRAMES)
@@ -102,27 +102,27 @@ class CameraPath:
         return cls(name, BUILT_IN[name](Ground(source)), frames, fov)
 
     @classmethod
-    def flyover(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def flyover(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """High and oblique, down to low over the highest relief; planets: from space to low orbit."""
         return cls._built_in("flyover", source, frames, fov)
 
     @classmethod
-    def orbit(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def orbit(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """Once round the source, looking at it."""
         return cls._built_in("orbit", source, frames, fov)
 
     @classmethod
-    def walk(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def walk(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """At eye height, 1.7 m above the surface and following it."""
         return cls._built_in("walk", source, frames, fov)
 
     @classmethod
-    def zoom(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def zoom(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """From the whole source to one spot."""
         return cls._built_in("zoom", source, frames, fov)
 
     @classmethod
-    def still(cls, source: HeightField, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def still(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """One view, again and again."""
         return cls._built_in("still", source, frames, fov)
 
@@ -174,7 +174,7 @@ class CameraPath:
 
     @classmethod
     def named(
-        cls, name: str, source: HeightField | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
+        cls, name: str, source: FieldSource | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
     ) -> CameraPath:
         """What `path` takes by name: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
         if not isinstance(name, (str, os.PathLike)):

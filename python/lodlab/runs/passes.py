@@ -172,7 +172,7 @@ class Yardstick:
                     self.source, "full", self.options, self._folder, progress=self._progress, named=self._named
                 )
                 session = store.core.session(still(store.method, {}))
-            self._instrument = _core.Instrument(self.source.rows_core, session)
+            self._instrument = _core.Instrument(self.source.core, session)
         return self._instrument
 
     def reference(self, view: Any) -> Any:

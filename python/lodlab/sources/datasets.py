@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput
+from .base import FieldSource
 from .frames import DEFAULT_SPACING, make_frame, positive
 from .heightfield import HeightField, format_spec, window_samples
 from .placement import metres_per_degree
@@ -167,7 +168,7 @@ DATASETS: dict[str, Dataset] = {
 }
 
 
-def load(source: str | os.PathLike[str]) -> HeightField:
+def load(source: str | os.PathLike[str]) -> FieldSource:
     """The height field of a SOURCE text: a data set's name or a file, with keys as `earth:planet=true`."""
     from . import spec
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput
-from .frames import EARTH_RADIUS, extent_of, finite, flat_place, make_frame, planet_place, positive, unplaced
+from .base import FieldSource
+from .frames import EARTH_RADIUS, finite, flat_place, make_frame, planet_place, positive, unplaced
 from .plausible import Rounding, Slopes, check_heights, marked
 from .raster import Raster, absolute, open_raster, title
 
@@ -116,8 +117,8 @@ def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offs
     return abs(scale) if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
 
 
-class HeightField:
-    """A grid of heights, flat (metres, z up) or on a planet (radius over longitude and latitude).
+class HeightField(FieldSource):
+    """A grid of heights in memory, flat (metres, z up) or on a planet (radius over longitude and latitude).
 
     Axes: x runs east along the columns, y north, so that y falls down the rows: sample (row, column) lies at
     x = x0 + column dx, y = y0 - row dy, and of an array with the default origin all y are 0 or below. A planet's
@@ -143,8 +144,6 @@ class HeightField:
     ------
     InvalidInput: dtype, shape, all void, infinite heights (the first is named), values out of range.
     """
-
-    windowed = False  # read by windows: sources.windowed
 
     def __init__(
         self,
@@ -290,17 +289,8 @@ class HeightField:
 
     @property
     def core(self) -> Any:
-        """The native height field, in memory."""
+        """The native height field."""
         return self._core
-
-    @property
-    def rows_core(self) -> Any:
-        """The native field for methods that build by rows: in memory or not."""
-        return self._core
-
-    def loaded(self) -> HeightField:
-        """The field in memory: itself, but for one that is read by windows."""
-        return self
 
     @property
     def grid(self) -> Any:
@@ -338,31 +328,6 @@ class HeightField:
         return self._core.heights
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
-        return self._core.rows, self._core.cols
-
-    @property
-    def spacing(self) -> tuple[float, float]:
-        """(dx, dy), metres between samples; on a planet along the equator and the meridians."""
-        return self._core.dx, self._core.dy
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """(x0, y0), metres: the centre of the first sample."""
-        return self._core.x0, self._core.y0
-
-    @property
-    def planet(self) -> bool:
-        """Whether the heights stand on a sphere."""
-        return self._core.planet
-
-    @property
-    def radius(self) -> float:
-        """The planet's radius, metres."""
-        return self._core.radius
-
-    @property
     def spec(self) -> str:
         """SOURCE text that loads this field again, or empty for arrays."""
         return self._core.spec
@@ -387,14 +352,7 @@ class HeightField:
         self._hash = None
 
     @property
-    def where(self) -> str:
-        """Spacing and extent, in words; of a planet its radius."""
-        dx, dy = self.spacing
-        spacing = "" if self.planet else f"spacing {dx:.6g} x {dy:.6g} m, "
-        return spacing + extent_of(self._placed)
-
-    @property
-    def _placed(self) -> dict[str, Any]:
+    def frame(self) -> dict[str, Any]:
         return self._core.frame()
 
     def __repr__(self) -> str:
@@ -402,28 +360,6 @@ class HeightField:
         voids = self.void_samples
         parts = [f"{core.rows} x {core.cols}", self.where, f"heights {core.z_min:g} to {core.z_max:g} m"]
         return f"<HeightField {self.name}: {', '.join(parts)}{f', {voids} voids' if voids else ''}>"
-
-    def thumbnail(self, width: int = 256) -> np.ndarray:
-        """A hillshade with height tints, (h, w, 3) uint8, at most `width` pixels wide or high."""
-        from .thumbnail import hillshade
-
-        return hillshade(self, width)
-
-    def _repr_png_(self) -> bytes:
-        from ..pictures import encode
-
-        return encode(self.thumbnail())
-
-    def _repr_html_(self) -> str:
-        import base64
-        from html import escape
-
-        picture = base64.b64encode(self._repr_png_()).decode()
-        text = escape(repr(self).strip("<>"))
-        return (
-            f'<figure style="margin:0"><img alt="hillshade" src="data:image/png;base64,{picture}">'
-            f"<figcaption>{text}</figcaption></figure>"
-        )
 
 
 def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
+from .base import Source
 from .heightfield import HeightField
 from .raster import absolute
 
@@ -164,7 +165,7 @@ def parse(text: str | os.PathLike[str]) -> SourceSpec:
     )
 
 
-def load(text: str | os.PathLike[str]) -> HeightField:
+def load(text: str | os.PathLike[str]) -> Source:
     """The height field that a SOURCE text names. Its `.spec` loads it again from any directory."""
     from .datasets import DATASETS
 
@@ -174,9 +175,9 @@ def load(text: str | os.PathLike[str]) -> HeightField:
     return HeightField.open(spec.name, **spec.keys)
 
 
-def as_source(source: Any) -> HeightField:
+def as_source(source: Any) -> Source:
     """A height field as it is; a SOURCE text or path loaded; an array with 30 m spacing."""
-    if isinstance(source, HeightField):
+    if isinstance(source, Source):
         return source
     if isinstance(source, (str, os.PathLike)):
         return load(source)

@@ -16,9 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from .. import _core
-from ..errors import InvalidInput, Unsupported
+from ..errors import InvalidInput
+from .base import FieldSource
 from .frames import unplaced
-from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask, window_samples
+from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask
 from .plausible import MARKS, Rounding, Slopes, check_heights, extremes, outlying
 from .raster import Raster
 
@@ -38,8 +39,8 @@ class Reader(Protocol):
         """The native field; reads every sample once."""
 
 
-class WindowedHeightField(HeightField):
-    """A height field of more than `window_samples()` samples, made by `lodlab.datasets.load` or `HeightField.open`.
+class WindowedHeightField(FieldSource):
+    """A height field of more than `LODLAB_WINDOW_SAMPLES` samples, by `datasets.load` or `HeightField.open`.
 
     Voids are filled strip by strip of rows, with a membrane that sees a quarter of a strip beyond each; a strip
     without any real sample is filled with 0. So the fill, and with it the hash, is not the one in memory.
@@ -68,15 +69,7 @@ class WindowedHeightField(HeightField):
 
     @property
     def core(self) -> Any:
-        """Unsupported: there is no native height field in memory."""
-        raise Unsupported(
-            f"source {self.spec}: this needs it in memory, and its {_size(self.shape)} are read by windows; the "
-            f"limit is {window_samples():,} samples (LODLAB_WINDOW_SAMPLES)"
-        )
-
-    @property
-    def rows_core(self) -> Any:
-        """The native windowed field."""
+        """The native windowed field; every sample is read when it is first asked for."""
         return self._core
 
     def loaded(self) -> HeightField:
@@ -128,42 +121,13 @@ class WindowedHeightField(HeightField):
         return np.concatenate([z[:, ::step] for z, _ in lines]), np.concatenate([r[:, ::step] for r in real])
 
     @property
-    def _placed(self) -> dict[str, Any]:
+    def frame(self) -> dict[str, Any]:
         return self._frame
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
-        return self._frame["rows"], self._frame["cols"]
-
-    @property
-    def spacing(self) -> tuple[float, float]:
-        """(dx, dy), metres between samples; on a planet along the equator and the meridians."""
-        return self._frame["dx"], self._frame["dy"]
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """(x0, y0), metres: the centre of the first sample."""
-        return self._frame.get("x0", 0.0), self._frame.get("y0", 0.0)
-
-    @property
-    def planet(self) -> bool:
-        """Whether the heights stand on a sphere."""
-        return self._frame["planet"]
-
-    @property
-    def radius(self) -> float:
-        """The planet's radius, metres."""
-        return self._frame["radius"]
 
     @property
     def spec(self) -> str:
         """SOURCE text that loads this field again."""
         return self._spec
-
-    def hash(self) -> str:
-        """32 hex digits of heights and placement: those of the same samples in memory."""
-        return self._core.hash()
 
     def __getstate__(self) -> dict[str, Any]:
         """What a worker process needs to read the same field."""
@@ -175,10 +139,6 @@ class WindowedHeightField(HeightField):
 
     def __repr__(self) -> str:
         return f"<HeightField {self.name}: {self.shape[0]} x {self.shape[1]}, {self.where}, read by windows>"
-
-
-def _size(shape: tuple[int, int]) -> str:
-    return f"{shape[0]} x {shape[1]} = {shape[0] * shape[1]:,} samples ({4e-9 * shape[0] * shape[1]:.2f} GB)"
 
 
 class Windows:

@@ -19,7 +19,7 @@ import numpy as np
 from .. import _core
 from ..disk import is_store
 from ..errors import InvalidInput, StoreError, check_one_of
-from ..sources.heightfield import HeightField
+from ..sources.base import Source
 from ..sources.spec import as_source, load
 
 _PASS = "pass it (source=SOURCE), or measure nothing (accuracy_frames=0)"
@@ -244,7 +244,7 @@ class Session:
 class Store:
     """A built hierarchy: one file. Opened by `lodlab.open`, made by `lodlab.build`."""
 
-    def __init__(self, core: Any, source: HeightField | None = None):
+    def __init__(self, core: Any, source: Source | None = None):
         self.core = core
         self._source = source
         self._session: Session | None = None
@@ -295,7 +295,7 @@ class Store:
         return self.info()["bytes"]
 
     @property
-    def source(self) -> HeightField:
+    def source(self) -> Source:
         """The source; loaded again from `source_spec` when it is not at hand, and checked by its hash.
 
         Raises StoreError when there is nothing to load it from or the hash differs.
@@ -310,7 +310,7 @@ class Store:
             self.attach(field)
         return self._source
 
-    def attach(self, source: HeightField) -> None:
+    def attach(self, source: Source) -> None:
         """Gives the store its source. StoreError when the hash is not that of the source it was built from."""
         found = source.hash()
         if found != self.source_hash:
@@ -419,7 +419,7 @@ def build(
 
     by_rows = method_table(method)["by_rows"]
     field = as_source(source)
-    given = field.rows_core if by_rows else field.loaded().core
+    given = field.core if by_rows else field.loaded().core
     with Progress(f"build {method}", progress) as bar:
         core = _core.build(given, method, os.fspath(path), options, mode, bar.stage)
     return Store(core, field)
