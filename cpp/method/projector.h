@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -36,14 +37,26 @@ struct Projector {
   double project(double delta, const Place& place) const;
   /// The largest delta that projects to at most tau pixels there.
   double inverse(double tau, const Place& place) const;
+  /// A delta projects to less than tau pixels wherever it is seen from so many times as far away, or farther:
+  /// a place is told without a root or a division. A hair more than exact, for what rounding takes.
+  double safe_distance(double tau) const {
+    return (kind == Projection::kPaper ? K / tau : s * (1.0 + K * s / tau)) * (1.0 + 1e-9);
+  }
 };
 
-inline Projector::Place Projector::place(const double (&lo)[3], const double (&hi)[3]) const {
-  double square[3];
+/// From the eye to the nearest point of bounds, squared, along each axis.
+inline std::array<double, 3> axis_squares(const glm::dvec3& eye, const double (&lo)[3],
+                                          const double (&hi)[3]) {
+  std::array<double, 3> square;
   for (int i = 0; i < 3; ++i) {
     const double d = std::max({lo[i] - eye[i], eye[i] - hi[i], 0.0});
-    square[i] = d * d;
+    square[static_cast<size_t>(i)] = d * d;
   }
+  return square;
+}
+
+inline Projector::Place Projector::place(const double (&lo)[3], const double (&hi)[3]) const {
+  const std::array<double, 3> square = axis_squares(eye, lo, hi);
   const double distance = std::sqrt(square[0] + square[1] + square[2]);
   if (kind != Projection::kVertical) return {distance, 1.0};
   const double far_x = std::max(eye.x - lo[0], hi[0] - eye.x);

@@ -17,6 +17,7 @@
 #include "base/parallel.h"
 #include "common/projection.h"
 #include "geometry/fractal.h"
+#include "method/projector.h"
 #include "methods/chunked/hierarchy.h"
 
 using namespace lodlab;
@@ -323,6 +324,31 @@ TEST_CASE("projection: an upper bound on screen movement, and its inverse") {
     const double vy = y + uy * delta * part, vz = z + uz * delta * part, vx = x + ux;
     CHECK(K * std::hypot(vx / vz - x / z, vy / vz - y / z) <=
           project_strict(delta, K, D, n, s, cosine) * (1 + 1e-9));
+  }
+}
+
+TEST_CASE("projection: beyond its safe distance a delta is within the pixels, told by the distance alone") {
+  std::mt19937_64 random(12);
+  const auto uniform = [&](double a, double b) {
+    return std::uniform_real_distribution<double>(a, b)(random);
+  };
+  for (int i = 0; i < 20000; ++i) {
+    View view;
+    view.target = {0.0, 100.0, 0.0};
+    view.fov = uniform(10.0, 160.0);
+    view.near_plane = std::exp(uniform(-4, 3));
+    const double delta = std::exp(uniform(-4, 5)), tau = std::exp(uniform(-3, 4));
+    for (const Projection kind : {Projection::kPaper, Projection::kStrict, Projection::kVertical}) {
+      const Projector projector(kind, make_camera(view));
+      const double safe = delta * projector.safe_distance(tau);
+      const double away = safe * (random() % 2 == 0 ? 1.0 : uniform(1.0, 2.0));
+      const Projector::Place place{away, kind == Projection::kVertical ? uniform(0.0, 1.0) : 1.0};
+      CHECK(projector.project(delta, place) <= tau);
+      CHECK(projector.inverse(tau, place) >= delta);
+      if (kind == Projection::kStrict &&
+          projector.n < 0.5 * away / projector.s)  // and it is no further than need be
+        CHECK(projector.project(delta, {safe * 0.99, 1.0}) > tau * 0.99);
+    }
   }
 }
 

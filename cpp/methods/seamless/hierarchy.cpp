@@ -76,35 +76,55 @@ double Hierarchy::bound(const Patch& p, Edge e, int k) const {
   return worst;
 }
 
-/// A frame asks for as many of these as it has patches: with two resolutions, where no child is clipped away,
-/// the three child edges of a tile are looked up side by side.
-double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
-  const int top = layout.resolutions - 1;
+/// With two resolutions, where no child is clipped away, the three child edges of each tile lie side by side.
+bool Hierarchy::look_up(const Patch& p, TileCodes& codes_of) const {
+  if (layout.resolutions != 2 || p.level + 1 == layout.levels) return false;
   const Level& here = level[static_cast<size_t>(p.level)];
-  const Level* next = p.level + 1 < layout.levels ? &level[static_cast<size_t>(p.level) + 1] : nullptr;
-  double worst = 0.0;
-  if (top != 1 || next == nullptr || 2 * p.x + 2 > next->across || 2 * p.y + 2 > next->down) {
-    for (const Edge e : {kNorth, kEast, kSouth, kWest}) worst = std::max(worst, bound(p, e, k[e]));
-    return worst;
-  }
+  const Level& next = level[static_cast<size_t>(p.level) + 1];
+  if (2 * p.x + 2 > next.across || 2 * p.y + 2 > next.down) return false;
   const uint16_t* code = codes().data();
-  const int64_t pitch = next->across;
-  const uint16_t* h = code + next->first_edge + 2 * p.y * pitch + 2 * p.x;
-  const uint16_t* v = code + next->first_edge + pitch * (next->down + 1) + 2 * p.y * (pitch + 1) + 2 * p.x;
+  const int64_t pitch = next.across;
+  const uint16_t* h = code + next.first_edge + 2 * p.y * pitch + 2 * p.x;
+  const uint16_t* v = code + next.first_edge + pitch * (next.down + 1) + 2 * p.y * (pitch + 1) + 2 * p.x;
   const uint16_t* below = v + pitch + 1;
-  const std::array<uint16_t, 4> finest{std::max({h[0], h[1], v[1]}), std::max({v[2], below[2], h[pitch + 1]}),
-                                       std::max({h[2 * pitch], h[2 * pitch + 1], below[1]}),
-                                       std::max({v[0], below[0], h[pitch]})};
+  codes_of.finest = {std::max({h[0], h[1], v[1]}), std::max({v[2], below[2], h[pitch + 1]}),
+                     std::max({h[2 * pitch], h[2 * pitch + 1], below[1]}),
+                     std::max({v[0], below[0], h[pitch]})};
   const uint16_t* across = code + here.first_edge + p.y * here.across + p.x;
   const uint16_t* down =
       code + here.first_edge + here.across * (here.down + 1) + p.y * (here.across + 1) + p.x;
-  const std::array<uint16_t, 4> own{across[0], down[1], across[here.across], down[0]};
+  codes_of.own = {across[0], down[1], across[here.across], down[0]};
+  return true;
+}
+
+double Hierarchy::bound(const Patch& p, const Resolutions& k) const {
+  TileCodes at;
+  if (!look_up(p, at)) {
+    double worst = 0.0;
+    for (const Edge e : {kNorth, kEast, kSouth, kWest}) worst = std::max(worst, bound(p, e, k[e]));
+    return worst;
+  }
+  const int top = layout.resolutions - 1;
   uint16_t finer = 0, coarser = 0;  // `low` is the upper byte: the larger code has the larger one
   for (size_t i = 0; i < 4; ++i) {
-    finer = std::max(finer, k[i] == top ? finest[i] : uint16_t{0});
-    coarser = std::max(coarser, k[i] == top ? uint16_t{0} : own[i]);
+    finer = std::max(finer, k[i] == top ? at.finest[i] : uint16_t{0});
+    coarser = std::max(coarser, k[i] == top ? uint16_t{0} : at.own[i]);
   }
-  return std::max(book_->low(finer, next->length), book_->low(coarser, here.length));
+  const Level* here = &level[static_cast<size_t>(p.level)];
+  return std::max(book_->low(finer, here[1].length), book_->low(coarser, here[0].length));
+}
+
+std::array<double, 4> Hierarchy::bounds(const Patch& p, const Resolutions& k) const {
+  std::array<double, 4> out;
+  TileCodes at;
+  if (!look_up(p, at)) {
+    for (const Edge e : {kNorth, kEast, kSouth, kWest}) out[e] = bound(p, e, k[e]);
+    return out;
+  }
+  const Level* here = &level[static_cast<size_t>(p.level)];
+  for (size_t i = 0; i < 4; ++i)
+    out[i] = k[i] == 0 ? book_->low(at.own[i], here[0].length) : book_->low(at.finest[i], here[1].length);
+  return out;
 }
 
 Box Hierarchy::box(const Patch& p) const {

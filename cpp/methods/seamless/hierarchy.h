@@ -48,6 +48,8 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   double bound(const Patch& p, Edge e, int k) const;
   /// The largest over the four edges.
   double bound(const Patch& p, const Resolutions& k) const;
+  /// That of each edge.
+  std::array<double, 4> bounds(const Patch& p, const Resolutions& k) const;
   /// Of all heights of the field, over the clamped patch.
   Box box(const Patch& p) const;
   /// The heights of a patch (build.cpp says in which order).
@@ -66,6 +68,11 @@ class Hierarchy : public lodlab::Hierarchy, public std::enable_shared_from_this<
   double last_error = 0.0;  ///< bound of the last level's finest resolution: 0 where its stride is 1
 
  private:
+  struct TileCodes {
+    std::array<uint16_t, 4> finest, own;  ///< an edge's own, and the largest of its tile's child edges
+  };
+  bool look_up(const Patch& p, TileCodes& codes_of) const;
+
   bool averaged_ = false;
   double largest_weight_ = 0.0;
   std::shared_ptr<const CodeBook> book_;

@@ -121,7 +121,7 @@ void SeamlessSession::collect(Selector& selector, const Precision& precision, Cu
     cut.nodes.push_back({static_cast<uint32_t>(a.id), static_cast<uint32_t>(pack(a.k, layout.resolutions)),
                          1.0f, a.visible, missing, error});
     if (!a.visible) return true;
-    cut.predicted_px = std::max(cut.predicted_px, selector.pixels(p, error));
+    cut.predicted_px = selector.pixels(p, error, cut.predicted_px);
     cut.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));
     ++cut.visible_nodes;
     cut.missing_nodes += missing;

@@ -50,29 +50,28 @@ uint8_t Selector::planes_of(const Patch& p, uint8_t planes) const {
   return cut;
 }
 
-double Selector::edge_error(const Patch& p, Edge e, int k) const {
-  if (metric_.roughness) return hierarchy_.bound(p, e, k);
-  return hierarchy_.typical[static_cast<size_t>(p.level * layout_.resolutions + k)];
+std::array<double, 4> Selector::edge_errors(const Patch& p, const Resolutions& k) const {
+  if (metric_.roughness) return hierarchy_.bounds(p, k);
+  const double* of_level = &hierarchy_.typical[static_cast<size_t>(p.level * layout_.resolutions)];
+  return {of_level[k[0]], of_level[k[1]], of_level[k[2]], of_level[k[3]]};
 }
 
 double Selector::error(const Patch& p, const Resolutions& k) const {
   if (metric_.roughness) return hierarchy_.bound(p, k);
-  double worst = 0.0;
-  for (const Edge e : {kNorth, kEast, kSouth, kWest})
-    worst = std::max(worst, edge_error(p, e, k[static_cast<size_t>(e)]));
-  return worst;
+  const double* of_level = &hierarchy_.typical[static_cast<size_t>(p.level * layout_.resolutions)];
+  return std::max(std::max(of_level[k[0]], of_level[k[1]]), std::max(of_level[k[2]], of_level[k[3]]));
 }
 
-Projector::Place Selector::place(const Patch& p) const {
-  const FieldFrame& f = hierarchy_.frame;
-  const double lo[3]{f.x0 + static_cast<double>(layout_.col(p)) * f.dx,
-                     f.y0 - static_cast<double>(layout_.end_row(p)) * f.dy, f.z_min};
-  const double hi[3]{f.x0 + static_cast<double>(layout_.end_col(p)) * f.dx,
-                     f.y0 - static_cast<double>(layout_.row(p)) * f.dy, f.z_max};
-  return projector_.place(lo, hi);
+/// Most patches are far from being the worst: those are told by their distance.
+double Selector::pixels(const Patch& p, double error, double most) {
+  if (most != most_pixels_) {
+    most_pixels_ = most;
+    safe_ = projector_.safe_distance(most);
+  }
+  const Bounds b = bounds(p);
+  if (beyond(b, error * safe_)) return most;
+  return std::max(most, projector_.project(error, projector_.place(b.lo, b.hi)));
 }
-
-double Selector::pixels(const Patch& p, double error) const { return projector_.project(error, place(p)); }
 
 void Selector::push_children(const Step& step, int64_t y) {
   const Patch& p = step.patch;
@@ -159,12 +158,15 @@ double Selector::needed(const Patch& p, double weight, double distance, double t
 }
 
 std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>& weight, const Edges& edges,
-                                     double tau) const {
-  const double allowed = projector_.inverse(tau, place(p));
+                                     double tau, double safe) const {
   const int top = layout_.resolutions - 1;
   Resolutions k;
   for (size_t i = 0; i < 4; ++i) k[i] = edges.resolution(i, layout_.resolutions);
-  if (error(p, k) <= allowed) return std::nullopt;
+  const double worst = error(p, k);
+  const Bounds b = bounds(p);
+  if (beyond(b, worst * safe)) return std::nullopt;
+  const double allowed = projector_.inverse(tau, projector_.place(b.lo, b.hi));
+  if (worst <= allowed) return std::nullopt;
   std::array<double, 4> distance = tables_.distances.of(level_of(p), p);
   for (double& d : distance) d = std::sqrt(d);
   double split = std::numeric_limits<double>::infinity();
@@ -172,8 +174,9 @@ std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>
     for (size_t i = 0; i < 4; ++i) split = std::min(split, needed(p, weight[i], distance[i], 1.0));
   }
   std::optional<double> most;
+  const std::array<double, 4> errors = edge_errors(p, k);
   for (size_t i = 0; i < 4; ++i) {
-    if (edge_error(p, static_cast<Edge>(i), k[i]) <= allowed) continue;
+    if (errors[i] <= allowed) continue;
     double way = split;
     if (k[i] < top) way = std::min(way, needed(p, weight[i], distance[i], std::ldexp(1.0, k[i] - top)));
     if (std::isinf(way)) continue;
@@ -186,6 +189,7 @@ std::optional<double> Selector::asks(const Patch& p, const std::array<double, 4>
 /// one way down, raising the precision by what each patch asks for, ends at the least one for all.
 double Selector::fineness_for(double tau) {
   double fineness = coarsest();
+  const double safe = projector_.safe_distance(tau);
   const Patch root{0, 0, 0};
   here_.assign(1, {root, planes_cutting(root, all_planes_)});
   while (!here_.empty()) {
@@ -193,7 +197,7 @@ double Selector::fineness_for(double tau) {
     for (const Step& step : here_) {
       if (step.planes == kOutside) continue;
       ++traversed;
-      if (parts_for(step.patch, tau, fineness)) parted_.push_back(step);
+      if (parts_for(step.patch, tau, safe, fineness)) parted_.push_back(step);
     }
     here_.clear();
     push_children();
@@ -202,13 +206,13 @@ double Selector::fineness_for(double tau) {
 }
 
 /// Raises the fineness to what a visible patch asks for; true when it then splits.
-bool Selector::parts_for(const Patch& p, double tau, double& fineness) const {
+bool Selector::parts_for(const Patch& p, double tau, double safe, double& fineness) const {
   const Level& level = level_of(p);
   const std::array<double, 4> weight = tables_.weights(level, p);
   for (;;) {
     const Edges seen = edges(tables_, level, p, weight, Precision::of(fineness));
     if (p.level + 1 < layout_.levels && seen.split()) return true;
-    const std::optional<double> more = asks(p, weight, seen, tau);
+    const std::optional<double> more = asks(p, weight, seen, tau, safe);
     if (!more || *more <= fineness) return false;
     fineness = *more;
   }

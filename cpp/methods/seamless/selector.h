@@ -70,7 +70,8 @@ class Selector {
   double error(const Patch& p, const Resolutions& k) const;
   /// The same of a patch that nobody sees: a bound at any resolutions, which its weights are, and cheap.
   double unseen_error(const Active& a) const;
-  double pixels(const Patch& p, double error) const;
+  /// The larger of `most` and what an error projects to.
+  double pixels(const Patch& p, double error, double most);
   /// Everything at its coarsest: the root alone.
   double coarsest() const;
   /// Half as fine.
@@ -119,17 +120,25 @@ class Selector {
     return planes == 0 || planes == kOutside ? planes : planes_of(p, planes);
   }
   uint8_t planes_of(const Patch& p, uint8_t planes) const;
-  bool parts_for(const Patch& p, double tau, double& fineness) const;
-  double edge_error(const Patch& p, Edge e, int k) const;
+  bool parts_for(const Patch& p, double tau, double safe, double& fineness) const;
+  std::array<double, 4> edge_errors(const Patch& p, const Resolutions& k) const;
   /// The fineness at which an edge's epsilon exceeds a threshold.
   double needed(const Patch& p, double weight, double distance, double threshold) const;
   /// What a visible patch at this precision asks for in order to be within tau; nothing when it is.
   std::optional<double> asks(const Patch& p, const std::array<double, 4>& weight, const Edges& edges,
-                             double tau) const;
+                             double tau, double safe) const;
   /// To `here_`, those of `parted_`, a row of patches after the other.
   void push_children();
   void push_children(const Step& step, int64_t y);
-  Projector::Place place(const Patch& p) const;
+  struct Bounds {
+    double lo[3], hi[3];
+  };
+  Bounds bounds(const Patch& p) const;
+  /// Whether a patch is at least as far from the eye.
+  bool beyond(const Bounds& b, double distance) const {
+    const std::array<double, 3> square = axis_squares(projector_.eye, b.lo, b.hi);
+    return square[0] + square[1] + square[2] >= distance * distance;
+  }
 
   /// What makes a fineness one of about 1.
   double gain() const { return metric_.roughness ? std::max(hierarchy_.book().largest(), 1e-300) : 1024.0; }
@@ -157,6 +166,7 @@ class Selector {
   };
   std::vector<Block> blocks_;
   std::optional<Precision> wanted_;
+  double most_pixels_ = -1.0, safe_ = 0.0;  ///< of pixels()
 };
 
 inline std::array<double, 4> Selector::Tables::weights(const Level& level, const Patch& p) const {
@@ -172,6 +182,14 @@ inline Reach Selector::Tables::reach(const Level& level, const std::array<double
   Reach out;
   for (size_t i = 0; i < 4; ++i) out[i] = (base + rho * w[i]) * level.length;
   return out;
+}
+
+inline Selector::Bounds Selector::bounds(const Patch& p) const {
+  const FieldFrame& f = hierarchy_.frame;
+  return {{f.x0 + static_cast<double>(layout_.col(p)) * f.dx,
+           f.y0 - static_cast<double>(layout_.end_row(p)) * f.dy, f.z_min},
+          {f.x0 + static_cast<double>(layout_.end_col(p)) * f.dx,
+           f.y0 - static_cast<double>(layout_.row(p)) * f.dy, f.z_max}};
 }
 
 inline double Selector::unseen_error(const Active& a) const {
