@@ -10,7 +10,9 @@
 
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "base/errors.h"
 #include "geometry/height_rows.h"
@@ -40,6 +42,41 @@ std::map<std::string, OptionValue> options_from_dict(const std::string& owner, c
 /// Resolved options as a dict of Python values.
 pybind11::dict options_to_dict(const Options& options);
 
+/// Holds Python objects for the core; the last owner may let go on any thread.
+inline std::shared_ptr<const void> keep(pybind11::object object) {
+  auto* held = new pybind11::object(std::move(object));
+  return {static_cast<const void*>(held), [held](const void*) {
+            if (!Py_IsInitialized()) return;  // the interpreter took its objects with it
+            const pybind11::gil_scoped_acquire gil;
+            delete held;
+          }};
+}
+
+/// The array's elements in C order. `shape`: what its dimensions must be, -1 for any number. InvalidInput
+/// says what was `wanted` in place of another dtype or shape.
+template <class T>
+pybind11::array_t<T, pybind11::array::c_style> checked(const std::string& operation,
+                                                       const pybind11::array& array, const char* name,
+                                                       const std::vector<pybind11::ssize_t>& shape,
+                                                       const char* wanted) {
+  namespace py = pybind11;
+  bool fits = array.dtype().is(py::dtype::of<T>()) || array.dtype().equal(py::dtype::of<T>());
+  fits = fits && array.ndim() == static_cast<py::ssize_t>(shape.size());
+  for (size_t i = 0; fits && i < shape.size(); ++i)
+    fits = shape[i] < 0 || array.shape(static_cast<py::ssize_t>(i)) == shape[i];
+  if (!fits) {
+    throw InvalidInput(operation + ": " + name + " is " + py::str(array.attr("shape")).cast<std::string>() +
+                       " " + py::str(array.dtype()).cast<std::string>() + ", not " + wanted);
+  }
+  return py::array_t<T, py::array::c_style>::ensure(array);
+}
+
+/// Rows of an array as elements of one type.
+template <class Element, class Array>
+std::span<const Element> span_of(const Array& array) {
+  return {reinterpret_cast<const Element*>(array.data()), static_cast<size_t>(array.shape(0))};
+}
+
 /// A view of native memory that Python may not write to.
 inline void make_read_only(const pybind11::array& array) {
   namespace detail = pybind11::detail;
@@ -47,6 +84,7 @@ inline void make_read_only(const pybind11::array& array) {
 }
 
 void bind_field(pybind11::module_& m);
+void bind_mesh(pybind11::module_& m);
 void bind_store(pybind11::module_& m);
 void bind_session(pybind11::module_& m);
 void bind_instrument(pybind11::module_& m);

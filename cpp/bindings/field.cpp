@@ -18,16 +18,6 @@ namespace {
 using Floats = py::array_t<float, py::array::c_style>;
 using Mask = py::array_t<uint8_t, py::array::c_style>;
 
-/// Holds Python objects for the core; the last owner may let go on any thread.
-std::shared_ptr<const void> keep(py::object object) {
-  auto* held = new py::object(std::move(object));
-  return {static_cast<const void*>(held), [held](const void*) {
-            if (!Py_IsInitialized()) return;  // the interpreter took its objects with it
-            const py::gil_scoped_acquire gil;
-            delete held;
-          }};
-}
-
 const uint8_t* mask_of(const std::optional<Mask>& valid, const Floats& heights, const char* operation) {
   if (!valid) return nullptr;
   if (valid->ndim() != 2 || valid->shape(0) != heights.shape(0) || valid->shape(1) != heights.shape(1)) {

@@ -14,27 +14,6 @@ namespace py = pybind11;
 namespace lodlab {
 namespace {
 
-/// The array's elements in C order. `shape`: what its dimensions must be, -1 for any number.
-template <class T>
-py::array_t<T, py::array::c_style> checked(const py::array& array, const char* name,
-                                           const std::vector<py::ssize_t>& shape, const char* wanted) {
-  bool fits = array.dtype().is(py::dtype::of<T>()) || array.dtype().equal(py::dtype::of<T>());
-  fits = fits && array.ndim() == static_cast<py::ssize_t>(shape.size());
-  for (size_t i = 0; fits && i < shape.size(); ++i)
-    fits = shape[i] < 0 || array.shape(static_cast<py::ssize_t>(i)) == shape[i];
-  if (!fits) {
-    throw InvalidInput("mesh_accuracy: " + std::string(name) + " is " +
-                       py::str(array.attr("shape")).cast<std::string>() + " " +
-                       py::str(array.dtype()).cast<std::string>() + ", not " + wanted);
-  }
-  return py::array_t<T, py::array::c_style>::ensure(array);
-}
-
-template <class Element, class Array>
-std::span<const Element> span_of(const Array& array) {
-  return {reinterpret_cast<const Element*>(array.data()), static_cast<size_t>(array.shape(0))};
-}
-
 py::dict columns(const instrument::MeshAccuracy& a) {
   py::dict out;
   out["measured_max"] = a.measured_max;
@@ -51,14 +30,14 @@ py::dict columns(const instrument::MeshAccuracy& a) {
 
 py::dict measure(const py::array& vertices, const py::array& faces, const py::array& drawn,
                  const std::optional<View>& view, const std::optional<py::array>& depth) {
-  const auto positions = checked<double>(vertices, "vertices", {-1, 3}, "(V, 3) float64");
-  const auto indices = checked<uint32_t>(faces, "faces", {-1, 3}, "(F, 3) uint32");
-  const auto triangles = checked<double>(drawn, "drawn", {-1, 3, 3}, "(T, 3, 3) float64");
+  const auto positions = checked<double>("mesh_accuracy", vertices, "vertices", {-1, 3}, "(V, 3) float64");
+  const auto indices = checked<uint32_t>("mesh_accuracy", faces, "faces", {-1, 3}, "(F, 3) uint32");
+  const auto triangles = checked<double>("mesh_accuracy", drawn, "drawn", {-1, 3, 3}, "(T, 3, 3) float64");
   std::optional<Camera> camera;
   if (view) camera = make_camera(*view);
   std::optional<render::Picture> reference;
   if (depth) {
-    const auto depths = checked<float>(*depth, "depth", {-1, -1}, "(height, width) float32");
+    const auto depths = checked<float>("mesh_accuracy", *depth, "depth", {-1, -1}, "(height, width) float32");
     reference.emplace();
     reference->width = static_cast<int>(depths.shape(1));
     reference->height = static_cast<int>(depths.shape(0));

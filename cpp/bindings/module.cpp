@@ -8,6 +8,7 @@
 #include <xxhash.h>
 
 #include <glm/detail/setup.hpp>
+#include <nlohmann/detail/abi_macros.hpp>
 
 #include "base/errors.h"
 #include "base/parallel.h"
@@ -34,6 +35,9 @@ py::dict libraries() {
   out["sqlite"] = sqlite3_libversion();
   out["xxhash"] = xxhash_version();
   out["tbb"] = TBB_runtime_version();
+  out["nlohmann_json"] = std::to_string(NLOHMANN_JSON_VERSION_MAJOR) + "." +
+                         std::to_string(NLOHMANN_JSON_VERSION_MINOR) + "." +
+                         std::to_string(NLOHMANN_JSON_VERSION_PATCH);
   out["meshoptimizer"] = meshoptimizer_version();
   out["glm"] = std::to_string(GLM_VERSION_MAJOR) + "." + std::to_string(GLM_VERSION_MINOR) + "." +
                std::to_string(GLM_VERSION_PATCH) + "." + std::to_string(GLM_VERSION_REVISION);
@@ -73,6 +77,7 @@ PYBIND11_MODULE(_core, m) {
   m.def("set_thread_count", &lodlab::set_thread_count, py::arg("threads"),
         "Overrides LODLAB_THREADS for this process; 0 goes back to it. InvalidInput outside 0 to 1024.");
   lodlab::bind_field(m);
+  lodlab::bind_mesh(m);
   lodlab::bind_store(m);
   lodlab::bind_session(m);
   lodlab::bind_instrument(m);

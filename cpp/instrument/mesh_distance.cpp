@@ -331,7 +331,7 @@ double refine(const Measurer& measurer, std::vector<Piece> open, double lower, i
 
 }  // namespace
 
-std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to) {
+std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurface& to) {
   std::vector<Closest> out(from.positions.size());
   parallel_for(static_cast<int64_t>(out.size()), 1024, [&](int64_t begin, int64_t end) {
     uint32_t hint = kNoTriangle;
@@ -344,7 +344,7 @@ std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to
   return out;
 }
 
-SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
+SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces) {
   double lower = 0.0, whole_area = 0.0;
   for (const Closest& closest : at_vertices) lower = std::max(lower, closest.distance);

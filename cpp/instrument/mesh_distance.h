@@ -27,11 +27,11 @@ struct SurfaceDistance {
 };
 
 /// The closest point of `to` to each position of `from`.
-std::vector<Closest> closest_to_vertices(const Mesh& from, const MeshSurface& to);
+std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurface& to);
 
 /// From every point of `from`, which has triangles as `to` has. `at_vertices` as above; `extent`: the size of
 /// both together. Throws Unsupported, naming bounds, when the maximum takes cutting more than `most_pieces`.
-SurfaceDistance surface_distance(const Mesh& from, const std::vector<Closest>& at_vertices,
+SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces);
 
 }  // namespace lodlab::instrument

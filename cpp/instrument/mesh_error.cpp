@@ -62,7 +62,7 @@ std::vector<Triangle> source_triangles(std::span<const glm::dvec3> positions,
 double larger(double a, double b) { return std::isnan(a) || b > a ? b : a; }
 
 /// Over vertices inside the frustum. `offset` leads from mesh coordinates to those relative to the eye.
-double vertex_error_px(const Mesh& source, const std::vector<Closest>& drawn, const Camera& camera,
+double vertex_error_px(const WeldedMesh& source, const std::vector<Closest>& drawn, const Camera& camera,
                        const glm::dvec3& offset) {
   double worst = kUndefined;
   for (size_t i = 0; i < drawn.size(); ++i) {
@@ -93,7 +93,7 @@ MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
   if (view.reference != nullptr && view.camera == nullptr)
     throw InvalidInput("mesh_accuracy: a reference depth needs the view that it was drawn for");
   Box box;
-  Mesh source, shown;
+  WeldedMesh source, shown;
   glm::dvec3 centre;
   {
     const std::vector<Triangle> triangles = source_triangles(positions, faces);

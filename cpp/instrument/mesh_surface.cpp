@@ -54,7 +54,7 @@ double measure(const Triangle& t, const glm::dvec3& point, glm::dvec3& closest) 
 }
 
 struct Search {
-  const Mesh& mesh;
+  const WeldedMesh& mesh;
   glm::dvec3 point;
   double scale, reach;  ///< reach: what floats round at, scaled
   double squared = std::numeric_limits<double>::infinity();
@@ -85,7 +85,7 @@ bool visit(RTCPointQueryFunctionArguments* arguments) {
 }
 
 struct Bounded {
-  const Mesh& mesh;
+  const WeldedMesh& mesh;
   double scale;
 };
 
@@ -105,8 +105,8 @@ double largest(const glm::dvec3& v) { return std::max({std::abs(v.x), std::abs(v
 
 }  // namespace
 
-Mesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
-  Mesh out;
+WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
+  WeldedMesh out;
   if (triangles.empty()) return out;
   const size_t corners = 3 * triangles.size();
   if (corners >= kNoTriangle) {
@@ -166,7 +166,7 @@ struct MeshSurface::Scene {
   }
 };
 
-MeshSurface::MeshSurface(const Mesh& mesh) : mesh_(mesh) {
+MeshSurface::MeshSurface(const WeldedMesh& mesh) : mesh_(mesh) {
   if (mesh.faces.empty()) return;
   double reach = 0.0;
   for (const glm::dvec3& position : mesh.positions) reach = std::max(reach, largest(position));

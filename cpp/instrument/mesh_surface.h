@@ -20,7 +20,7 @@ using Triangle = std::array<glm::dvec3, 3>;
 
 /// Positions relative to a centre that the owner chooses: near the mesh, or doubles lose what they could
 /// hold.
-struct Mesh {
+struct WeldedMesh {
   std::vector<glm::dvec3> positions;
   std::vector<std::array<uint32_t, 3>> faces;
 
@@ -32,7 +32,7 @@ struct Mesh {
 };
 
 /// Makes corners with bit-equal coordinates one vertex, and subtracts the centre.
-Mesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre);
+WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre);
 
 inline constexpr uint32_t kNoTriangle = std::numeric_limits<uint32_t>::max();
 
@@ -48,12 +48,12 @@ Closest closest_on_triangle(const Triangle& triangle, const glm::dvec3& point);
 class MeshSurface {
  public:
   /// The mesh must be finite and outlive the surface. Throws Unsupported when Embree cannot build.
-  explicit MeshSurface(const Mesh& mesh);
+  explicit MeshSurface(const WeldedMesh& mesh);
   ~MeshSurface();
   MeshSurface(const MeshSurface&) = delete;
   MeshSurface& operator=(const MeshSurface&) = delete;
 
-  const Mesh& mesh() const { return mesh_; }
+  const WeldedMesh& mesh() const { return mesh_; }
 
   /// Infinitely far, without a triangle, when the mesh is empty. `hint`: a triangle that may be close, which
   /// saves time and changes nothing. Any number of threads may ask at once.
@@ -61,7 +61,7 @@ class MeshSurface {
 
  private:
   struct Scene;
-  const Mesh& mesh_;
+  const WeldedMesh& mesh_;
   double scale_ = 1.0;  ///< a power of two that brings the largest coordinate into [0.5, 1)
   std::unique_ptr<Scene> scene_;
 };

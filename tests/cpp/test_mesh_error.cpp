@@ -182,7 +182,7 @@ TEST_CASE("closest point of one triangle: inside, edge, corner; of a segment and
 
 TEST_CASE("the closest triangle is never lost to floats: brute force over every triangle") {
   for (const double size : {1e-12, 1.0, 3e7}) {
-    const Mesh mesh = weld(moved(random_soup(300, 1), [&](const glm::dvec3& p) { return size * p; }), {});
+    const WeldedMesh mesh = weld(moved(random_soup(300, 1), [&](const glm::dvec3& p) { return size * p; }), {});
     const MeshSurface surface(mesh);
     std::mt19937 engine(7);
     std::normal_distribution<double> normal;
@@ -383,7 +383,7 @@ TEST_CASE("surfaces that are everywhere about as far as they can be end in bound
 }
 
 TEST_CASE("a maximum that takes too long to find is refused with its bounds") {
-  const Mesh from = weld(grid(0, 1, 0, 1, 3), {}), to = weld(grid(0, 1, 0, 1, 20, 0.0, true), {});
+  const WeldedMesh from = weld(grid(0, 1, 0, 1, 3), {}), to = weld(grid(0, 1, 0, 1, 20, 0.0, true), {});
   const MeshSurface surface(to);
   const auto vertices = closest_to_vertices(from, surface);
   CHECK(surface_distance(from, vertices, surface, 1.0, 100'000).max <= 1e-8);

@@ -387,14 +387,9 @@ def _check_tasks(tasks: Sequence[Task], workshop: Workshop) -> None:
 
 def check_accepts(source: HeightField, method: str) -> None:
     """Unsupported when a method does not accept a source."""
-    kind, accepted = kind_of(source), method_table(method)["accepts"]
+    kind, accepted = source.kind, method_table(method)["accepts"]
     if kind not in accepted:
         raise Unsupported(f"method {method} does not accept a {kind}; it accepts {', '.join(accepted)}")
-
-
-def kind_of(source: HeightField) -> str:
-    """What a method's `accepts` calls this source."""
-    return "planet" if source.planet else "heightfield"
 
 
 def _make_all(
@@ -498,7 +493,7 @@ def compare(
         methods = [
             m["name"]
             for m in _core.methods()
-            if kind_of(field) in m["accepts"] and (not m["budgets"] or set(wanted) <= set(m["budgets"]))
+            if field.kind in m["accepts"] and (not m["budgets"] or set(wanted) <= set(m["budgets"]))
         ]
     elif "full" not in methods:
         methods = ["full", *methods]
