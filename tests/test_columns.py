@@ -11,12 +11,12 @@ import pytest
 
 from lodlab import cli
 from lodlab.report import page
-from lodlab.runs import columns, results
+from lodlab.runs import columns, tables
 
 PAGE = Path(__file__).parent.parent / "docs" / "columns.md"
 
 
-@pytest.mark.parametrize("name", dict.fromkeys((*results.FRAME_COLUMNS, *results.SUMMARY_COLUMNS)))
+@pytest.mark.parametrize("name", dict.fromkeys((*tables.FRAME_COLUMNS, *tables.SUMMARY_COLUMNS)))
 def test_no_column_without_unit_and_sentence(name):
     column = columns.describe(name)
     assert column.name == name and column.unit and column.text.endswith("."), "add it to python/lodlab/runs/columns.py"
@@ -40,15 +40,15 @@ def test_page_of_columns_is_current():
     wanted = columns.markdown()
     assert PAGE.read_text(encoding="utf-8") == wanted, "the head of runs/columns.py says how it is written"
     named = set(re.findall(r"^\| `(\w+)`", wanted, re.MULTILINE))
-    assert named >= {*results.FRAME_COLUMNS, *results.NOISE_COLUMNS}
-    for name in results.SUMMARY_COLUMNS:
+    assert named >= {*tables.FRAME_COLUMNS, *tables.NOISE_COLUMNS}
+    for name in tables.SUMMARY_COLUMNS:
         assert name in named or any(name.endswith(end) and name.removesuffix(end) in named for end in named)
 
 
 def test_tables_of_the_report_say_what_their_columns_are():
     import pandas as pd
 
-    summary = pd.DataFrame([dict.fromkeys(results.SUMMARY_COLUMNS, 1.0)])
+    summary = pd.DataFrame([dict.fromkeys(tables.SUMMARY_COLUMNS, 1.0)])
     heads = dict(re.findall(r'<th title="(\w+)([^"]*)">', page.summary_table(summary)))
     assert list(heads) == [name for name, _, _ in page.COLUMNS]
     for name, rest in heads.items():

@@ -15,7 +15,8 @@ import lodlab as lod
 from lodlab import _core, disk, pictures
 from lodlab.errors import InvalidInput, StoreError
 from lodlab.report import page as report
-from lodlab.runs import configs, passes
+from lodlab.runs import configs
+from lodlab.stores import build
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -303,7 +304,7 @@ def test_the_report_says_with_how_many_jobs_times_were_taken(tmp_path):
 
 
 def test_hashes_of_poses_ignore_the_last_bits_and_nothing_else():
-    from lodlab.runs.identity import poses_hash
+    from lodlab.paths.path import poses_hash
 
     def views(shift):
         return [lod.View((6.4e6 + shift, 0, 0), (0, 0, 0), up=(0, 0, 1), size=(96, 64), near=1.0)]
@@ -318,4 +319,4 @@ def test_store_names_do_not_change_for_sources_without_colours(tmp_path):
     field = lod.datasets.load(CONFIG["sources"][0])
     resolved = _core.resolve_options("full", "build", {})
     digest = disk.short_hash({"source": field.hash(), "options": resolved})
-    assert passes.store_for(field, "full", {}, tmp_path, progress=False).path.name == f"full-{digest}.lod"
+    assert build.store_for(field, "full", {}, tmp_path, progress=False).path.name == f"full-{digest}.lod"

@@ -18,7 +18,7 @@ from lodlab.errors import InvalidInput
 from lodlab.instrument import statistics
 from lodlab.report import labels
 from lodlab.report import page as report
-from lodlab.runs import results
+from lodlab.runs import directory
 from lodlab.runs.passes import worst_frame
 
 CONFIG = {
@@ -164,7 +164,7 @@ def test_report_of_nothing_is_refused(tmp_path):
         report.write(tmp_path / "none")
     with pytest.raises(InvalidInput, match="no file"):
         report.write(tmp_path)
-    with results.RunDirectory(tmp_path / "empty") as empty:
+    with directory.RunDirectory(tmp_path / "empty") as empty:
         empty.begin({"sources": []}, [], {})
     with pytest.raises(InvalidInput, match="no finished run"):
         report.write(tmp_path / "empty")

@@ -15,8 +15,8 @@ import pytest
 import lodlab as lod
 from lodlab import _core, movies
 from lodlab.errors import InvalidInput, StoreError, Unsupported
-from lodlab.instrument import measure
-from lodlab.runs import passes, results
+from lodlab.instrument import measure, yardstick
+from lodlab.runs import flight, passes, tables, toml
 from lodlab.runs import run as runs
 
 SOURCE = "fractal:size=65,seed=3"
@@ -51,7 +51,7 @@ def run(store, path):
 
 
 def test_frames_have_exactly_the_columns_and_a_row_a_frame(run):
-    assert tuple(run.frames.columns) == results.FRAME_COLUMNS
+    assert tuple(run.frames.columns) == tables.FRAME_COLUMNS
     assert run.frames["frame"].tolist() == list(range(7))
     assert run.name == "chunked-px1"
     assert set(run.frames["source"]) == {SOURCE}
@@ -63,7 +63,7 @@ def test_accuracy_frames_are_evenly_spaced_and_the_others_undefined(run):
     measured = run.frames[run.frames["accuracy"]]
     assert measured["frame"].tolist() == [0, 3, 6]
     others = run.frames[~run.frames["accuracy"]]
-    unknown = [c for c in results.ACCURACY_COLUMNS if c != "predicted_px"]
+    unknown = [c for c in tables.ACCURACY_COLUMNS if c != "predicted_px"]
     assert others[unknown].isna().all(axis=None)
     assert measured[["measured_px_max", "measured_max", "psnr_db", "crack_edges"]].notna().all(axis=None)
     assert run.frames["predicted_px"].notna().all(), "the method's claim is known in every frame"
@@ -75,17 +75,17 @@ def test_the_instrument_returns_every_accuracy_column(store, field, full, path):
     view = path.view(3, size=SIZE)
     cut = session.select(view, _core.Budget(pixel_error=1.0))
     row = measure(instrument, session, cut, view, instrument.reference(view))
-    assert set(row) == set(results.ACCURACY_COLUMNS)
+    assert set(row) == set(tables.ACCURACY_COLUMNS)
 
 
 def test_geometry_alone_measures_the_same_and_draws_no_picture(store, path, run, monkeypatch):
-    monkeypatch.setattr(runs.Yardstick, "reference", lambda *_: None)  # nothing may need one
-    monkeypatch.setattr(passes, "store_for", None)  # nor `full`, which draws them
+    monkeypatch.setattr(yardstick.Yardstick, "reference", lambda *_: None)  # nothing may need one
+    monkeypatch.setattr(yardstick, "store_for", None)  # nor `full`, which draws them
     geometry = lod.fly(store, path, lod.Budget(pixel_error=1.0), metrics="geometry", **SMALL)
     drawn = ("measured_px_p99", "measured_px_rms", "psnr_db", "crack_pixels", "crack_mask_share", "ssim", "flip",
              "capture_mismatch_pixels", "pop_area", "drawn_triangles")  # fmt: skip
     assert geometry.frames[list(drawn)].isna().all(axis=None)
-    same = [c for c in results.ACCURACY_COLUMNS if c not in drawn]
+    same = [c for c in tables.ACCURACY_COLUMNS if c not in drawn]
     assert geometry.frames[same].equals(run.frames[same])
     with pytest.raises(InvalidInput, match="no reference .metrics='geometry'"):
         geometry.image(3, "reference")
@@ -114,7 +114,7 @@ def test_full_measures_nothing_and_has_no_budget(full, path):
 
 def test_counts_repeat_and_repeat_passes_change_times_only(store, path, run):
     again = lod.fly(store, path, lod.Budget(pixel_error=1.0), repeat=3, stream=False, **SMALL)
-    stable = [c for c in results.FRAME_COLUMNS if c not in results.TIME_COLUMNS]
+    stable = [c for c in tables.FRAME_COLUMNS if c not in tables.TIME_COLUMNS]
     assert again.frames[stable].equals(run.frames[stable])
 
 
@@ -126,7 +126,7 @@ def test_every_budget_of_a_frame_is_kept(store, path):
         within &= run.frames["nodes"] <= budget.get("nodes", np.inf)
         assert (run.frames["budget_met"] == within).all()
         assert within.any(), "nothing is shown by frames that all miss"
-        assert run.name == "chunked-" + passes.budget_text(budget)
+        assert run.name == "chunked-" + flight.budget_text(budget)
 
 
 def test_streaming_runs_measure_what_was_drawn(store, path):
@@ -160,7 +160,7 @@ def test_a_frame_shows_its_measured_error(run, store, path):
 
 
 def test_sources_too_large_for_a_reference_still_show_their_error(store, path, tmp_path, monkeypatch):
-    monkeypatch.setattr(passes, "PICTURE_SAMPLES", 10)
+    monkeypatch.setattr(yardstick, "PICTURE_SAMPLES", 10)
     run = lod.fly(store, path, {"pixel_error": 1.0}, out=tmp_path / "run", **SMALL)
     kinds = {p.stem.partition("-")[2] for p in (tmp_path / "run" / "images").rglob("*.png")}
     assert kinds == {"", "level", "error"}
@@ -173,8 +173,8 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     out = tmp_path / "run"
     run = lod.fly(store, path, lod.Budget(pixel_error=1.0), out=out, images="all", stream=False, **SMALL)
     back = runs.load(out)
-    assert back.frames.drop(columns=list(results.TIME_COLUMNS)).equals(
-        run.frames.drop(columns=list(results.TIME_COLUMNS))
+    assert back.frames.drop(columns=list(tables.TIME_COLUMNS)).equals(
+        run.frames.drop(columns=list(tables.TIME_COLUMNS))
     )
     pictures = sorted(p.name for p in (out / "images" / "chunked-px1").iterdir())  # and nothing else
     assert pictures == [f"{f:06d}.png" for f in range(7)]
@@ -185,7 +185,7 @@ def test_run_directory_holds_the_run(store, path, tmp_path):
     record = json.loads((out / "provenance.json").read_text())
     assert record["sources"] == {SOURCE: store.source_hash}
     assert record["gl"]["renderer"] and record["start"] <= record["end"] and record["options_hash"]
-    config = results.read_config(out / "config.toml")
+    config = toml.read_config(out / "config.toml")
     assert config["sources"] == [SOURCE] and config["methods"][0]["pixel_errors"] == [1.0]
     assert config["methods"][0]["options"]["stream"] is False
     assert (out / "report.html").stat().st_size > 10_000
@@ -278,10 +278,10 @@ def test_budgets_are_checked_before_anything_is_drawn(store, path, tmp_path):
 
 
 def test_a_budget_that_the_method_lacks_is_unsupported(monkeypatch):
-    table = {**passes.method_table("chunked"), "budgets": ["pixel_error"]}
-    monkeypatch.setattr(passes, "method_table", lambda name: table)
+    table = {**flight.method_table("chunked"), "budgets": ["pixel_error"]}
+    monkeypatch.setattr(flight, "method_table", lambda name: table)
     with pytest.raises(Unsupported, match="no budget nodes; it takes pixel_error"):
-        passes.check_budget("chunked", {"nodes": 5})
+        flight.check_budget("chunked", {"nodes": 5})
 
 
 def test_a_store_without_its_source_says_how_to_pass_it(tmp_path, path, field):
@@ -320,21 +320,21 @@ def test_accuracy_indices_are_distinct_and_reach_both_ends():
 
 
 def test_run_names_are_safe_as_folders():
-    assert passes.run_name("a/b c", "", "chunked", "morph=false", "px0.5") == "a_b_c-chunked-morph=false-px0.5"
-    assert passes.run_name("..") == "run"
+    assert flight.run_name("a/b c", "", "chunked", "morph=false", "px0.5") == "a_b_c-chunked-morph=false-px0.5"
+    assert flight.run_name("..") == "run"
 
 
 def test_cells_are_written_as_the_interface_says():
     values = [True, np.False_, None, math.nan, math.inf, -math.inf, np.int64(3), 0.1, np.float32(0.5), "a,b"]
-    assert [results.cell(v) for v in values] == [
+    assert [tables.cell(v) for v in values] == [
         "true", "false", "", "nan", "inf", "-inf", "3", "0.1", "0.5", "a,b",
     ]  # fmt: skip
 
 
 def test_summary_takes_the_worst_and_the_percentiles(run):
     rows = run.frames.to_dict("records")
-    summary = results.summarize(rows, store_bytes=10, build_seconds=0.5)
-    assert {c for c in summary if not c.startswith(results.OPTION)} == set(results.SUMMARY_COLUMNS)
+    summary = tables.summarize(rows, store_bytes=10, build_seconds=0.5)
+    assert {c for c in summary if not c.startswith(tables.OPTION)} == set(tables.SUMMARY_COLUMNS)
     times = run.frames["frame_ms"].to_numpy()
     assert summary["frame_ms_median"] == np.median(times)
     assert summary["frame_ms_p95"] == pytest.approx(np.percentile(times, 95))
@@ -343,7 +343,7 @@ def test_summary_takes_the_worst_and_the_percentiles(run):
     assert summary["psnr_db_worst"] == measured["psnr_db"].min()
     assert summary["accuracy_frames"] == 3
     unmeasured = [{**row, "accuracy": False, "measured_px_max": math.nan} for row in rows]
-    assert math.isnan(results.summarize(unmeasured, store_bytes=0, build_seconds=0)["measured_px_max_worst"])
+    assert math.isnan(tables.summarize(unmeasured, store_bytes=0, build_seconds=0)["measured_px_max_worst"])
 
 
 def test_a_mesh_of_a_cut_is_the_surface_in_source_coordinates(store, full, field, path):

@@ -11,7 +11,7 @@ import pytest
 import lodlab as lod
 from lodlab import charts, figures
 from lodlab.instrument import statistics
-from lodlab.runs import results
+from lodlab.runs import tables
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -155,18 +155,18 @@ def swept(tmp_path_factory):
 
 
 def test_summaries_hold_intervals_of_the_median_times(swept):
-    for column in results.TIME_COLUMNS:
+    for column in tables.TIME_COLUMNS:
         low, high = (swept.summary[f"{column}_median_{end}"] for end in ("low", "high"))
         assert (low <= swept.summary[f"{column}_median"]).all() and (swept.summary[f"{column}_median"] <= high).all()
-    assert results.SUMMARY_COLUMNS[-9:-3] == tuple(
-        f"{c}_median_{end}" for c in results.TIME_COLUMNS for end in ("low", "high")
+    assert tables.SUMMARY_COLUMNS[-9:-3] == tuple(
+        f"{c}_median_{end}" for c in tables.TIME_COLUMNS for end in ("low", "high")
     ), "columns only grow, at the end"
 
 
 def test_sweeps_time_one_run_twice(swept):
-    noise = results.read_table(swept.directory / "noise.csv")
-    assert tuple(noise.columns) == results.NOISE_COLUMNS
-    assert noise["column"].tolist() == list(results.TIME_COLUMNS)
+    noise = tables.read_table(swept.directory / "noise.csv")
+    assert tuple(noise.columns) == tables.NOISE_COLUMNS
+    assert noise["column"].tolist() == list(tables.TIME_COLUMNS)
     assert set(noise["run"]) == {"chunked-px1"} and set(noise["passes"]) == {2} and set(noise["jobs"]) == {1}
     assert (noise["low"] <= noise["ratio"]).all() and (noise["ratio"] <= noise["high"]).all()
     assert (noise["low"] > 0).all()
@@ -226,9 +226,9 @@ def known(swept):
         ]  # fmt: skip
         rows += run
         three = np.repeat(times[:, :, None], 3, axis=2)
-        summaries.append(results.summarize(run, store_bytes=1, build_seconds=1.0, times=three))
+        summaries.append(tables.summarize(run, store_bytes=1, build_seconds=1.0, times=three))
     noise = pd.DataFrame([{"run": "a-1.0", "column": "frame_ms", "ratio": 1.0, "low": 0.99, "high": 1.02, "jobs": 1}])
-    frames, summary = results.table(rows, results.FRAME_COLUMNS), results.table(summaries, results.SUMMARY_COLUMNS)
+    frames, summary = tables.table(rows, tables.FRAME_COLUMNS), tables.table(summaries, tables.SUMMARY_COLUMNS)
     return lod.Sweep(None, frames, summary, noise)
 
 

@@ -17,7 +17,7 @@ import pytest
 
 import lodlab as lod
 from lodlab.errors import InvalidInput, StoreError, Unsupported
-from lodlab.runs import configs, results
+from lodlab.runs import configs, directory, tables, toml
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -31,7 +31,7 @@ CONFIG = {
     "methods": [{"name": "full"}, {"name": "chunked", "options": {"leaf": 16, "chunk_triangles": 128}}],
 }
 # What differs from one run of a computer program to the next.
-TIMES = [*results.TIME_COLUMNS]
+TIMES = [*tables.TIME_COLUMNS]
 
 
 def stable(frames):
@@ -51,21 +51,21 @@ def swept(tmp_path_factory):
 def test_runs_and_rows_stand_in_the_order_of_the_configuration(swept):
     assert swept.runs == ["full", "chunked-px1", "chunked-px4"]
     assert swept.frames["run"].tolist() == [name for name in swept.runs for _ in range(5)]
-    assert tuple(swept.frames.columns) == results.FRAME_COLUMNS
+    assert tuple(swept.frames.columns) == tables.FRAME_COLUMNS
     columns = tuple(swept.summary.columns)
-    assert columns[: len(results.SUMMARY_COLUMNS)] == results.SUMMARY_COLUMNS
-    assert {"option.leaf", "option.morph"} <= set(columns[len(results.SUMMARY_COLUMNS) :])
+    assert columns[: len(tables.SUMMARY_COLUMNS)] == tables.SUMMARY_COLUMNS
+    assert {"option.leaf", "option.morph"} <= set(columns[len(tables.SUMMARY_COLUMNS) :])
     assert (swept.summary["store_bytes"] > 0).all() and (swept.summary["build_seconds"] >= 0).all()
     assert not swept.frames["stream"].any(), "sweeps load everything first, so that their rows repeat"
 
 
 def test_files_hold_the_spellings_of_the_interface(swept):
     lines = (swept.directory / "frames.csv").read_text().splitlines()
-    assert lines[0] == ",".join(results.FRAME_COLUMNS)
-    full = dict(zip(results.FRAME_COLUMNS, next(csv.reader([lines[1]])), strict=True))
+    assert lines[0] == ",".join(tables.FRAME_COLUMNS)
+    full = dict(zip(tables.FRAME_COLUMNS, next(csv.reader([lines[1]])), strict=True))
     assert full["budget_met"] == "true" and full["stream"] == "false" and full["budget_pixel_error"] == ""
     assert full["accuracy"] == "true" and full["psnr_db"] == "inf"
-    unmeasured = dict(zip(results.FRAME_COLUMNS, next(csv.reader([lines[2]])), strict=True))
+    unmeasured = dict(zip(tables.FRAME_COLUMNS, next(csv.reader([lines[2]])), strict=True))
     assert unmeasured["accuracy"] == "false" and unmeasured["measured_px_max"] == "nan"
     chunked = swept.frames[swept.frames["method"] == "chunked"]["options"].iloc[0]
     assert chunked.startswith("{") and ": " not in chunked and '"stream":false' in chunked
@@ -145,7 +145,7 @@ def test_killed_sweeps_end_with_the_same_rows(swept, tmp_path):
     rng = random.Random(7)
     out = tmp_path / "killed"
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text(configs.freeze(CONFIG)))
+    config.write_text(toml.toml_text(configs.freeze(CONFIG)))
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(out)]
     killed = 0
     for _ in range(5):
@@ -162,13 +162,13 @@ def test_killed_sweeps_end_with_the_same_rows(swept, tmp_path):
     again = lod.Sweep.load(out)
     assert stable(again.frames).equals(stable(swept.frames))
     assert stable_summary(again.summary).equals(stable_summary(swept.summary))
-    assert again.noise["column"].tolist() == list(results.TIME_COLUMNS), "the null comparison is made at the end"
+    assert again.noise["column"].tolist() == list(tables.TIME_COLUMNS), "the null comparison is made at the end"
     assert not list(out.glob(".*.tmp")) or (out / "report.html").exists()
 
 
 def test_workers_end_with_a_killed_parent(tmp_path):
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text({**configs.freeze(CONFIG), "frames": 2000}))
+    config.write_text(toml.toml_text({**configs.freeze(CONFIG), "frames": 2000}))
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(tmp_path / "out"), "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -213,7 +213,7 @@ def spawned_by(parent):
 
 def test_ctrl_c_keeps_what_was_finished(tmp_path):
     config = tmp_path / "config.toml"
-    config.write_text(results.toml_text({**configs.freeze(CONFIG), "frames": 400}))
+    config.write_text(toml.toml_text({**configs.freeze(CONFIG), "frames": 400}))
     out = tmp_path / "out"
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -227,7 +227,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path):
 
 
 def test_two_writers_are_refused(swept):
-    with results.RunDirectory(swept.directory):
+    with directory.RunDirectory(swept.directory):
         with pytest.raises(StoreError, match="another process"):
             lod.sweep(CONFIG, out=swept.directory, progress=False)
 
@@ -341,6 +341,6 @@ def test_toml_reads_back_what_was_written():
         "a": [1, 2.5, "x\"y\\z é\n"], "b": True, "c": -0.0, "d": float("inf"), "gone": None,
         "t": {"k": "v"}, "methods": [{"name": "m", "options": {"e": 0.25, "f": []}}, {"name": "n"}],
     }  # fmt: skip
-    back = tomllib.loads(results.toml_text(config))
+    back = tomllib.loads(toml.toml_text(config))
     del config["gone"]
     assert back == config

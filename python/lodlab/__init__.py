@@ -26,16 +26,20 @@ except ImportError as error:
 from . import _shaders, errors, instrument, report, stability  # noqa: F401 - _shaders tells the core where they are
 from ._core import Budget, View
 from .instrument import laws
+from .lab import compare, fit, fly, sweep
 from .paths.path import CameraPath
 from .report import charts
 from .runs.checks import Violation, check
-from .runs.fitting import Fit, fit
-from .runs.results import version as _version
-from .runs.run import Run, fly
-from .runs.sweep import Sweep, compare, sweep
+from .runs.fitting import Fit
+from .runs.provenance import version as _version
+from .runs.run import Run
+from .runs.sweep import Sweep
 from .sources import datasets
 from .sources.heightfield import HeightField
-from .stores.store import Cut, Frame, Session, Store, build, methods, open
+from .stores.build import build
+from .stores.methods import methods
+from .stores.session import Cut, Frame, Session
+from .stores.store import Store, open
 
 __version__ = _version()
 __all__ = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files on disk: written whole or not at all, folders that go with their owner, what kind a file is; short hashes."""
+"""Files on disk: written whole or not at all, folders that go with their owner, what kind a file is, and hashes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import os
 import shutil
 import tempfile
 import weakref
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -53,3 +55,23 @@ def is_store(path: str | os.PathLike[str]) -> bool:
     with file.open("rb") as opened:
         head = opened.read(72)
     return (head.startswith(b"SQLite format 3") and head[68:72] == _APPLICATION_ID) or file.suffix == ".lod"
+
+
+def rasters(options: Mapping[str, Any]) -> dict[tuple[str, str], str]:
+    """The files that build options name, each as ("raster", its name) with 32 hex digits of its bytes."""
+    out = {}
+    for file in (v for v in options.values() if isinstance(v, str) and v and os.path.isfile(v)):
+        status = os.stat(file)
+        out["raster", file] = _file_hash(os.path.abspath(file), status.st_mtime_ns, status.st_size)
+    return out
+
+
+def attribute_hash(options: Mapping[str, Any]) -> str:
+    """The hash of the file that build options name (several: theirs joined), empty where they name none."""
+    return "-".join(rasters(options).values())
+
+
+@lru_cache(maxsize=64)
+def _file_hash(file: str, _changed: int, _size: int) -> str:
+    with open(file, "rb") as opened:
+        return hashlib.file_digest(opened, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

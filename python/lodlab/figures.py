@@ -3,10 +3,18 @@
 
 from __future__ import annotations
 
+import html
 import math
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
+
+
+@singledispatch
+def html_of(result: Any) -> str:
+    """How a result shows itself in a notebook. Tables know no chart: the room `report` says it, kind by kind."""
+    return f"<div>{html.escape(repr(result)[1:-1])}</div>"
 
 
 def number(value: Any) -> str:

@@ -20,8 +20,9 @@ import pytest
 
 import lodlab as lod
 from lodlab import instrument, laws
-from lodlab.instrument import metrics
-from lodlab.runs import passes, results
+from lodlab.instrument import metrics, yardstick
+from lodlab.runs import passes, tables
+from lodlab.runs.flight import Flight
 
 ROOMS = Path(__file__).parents[2] / "cpp" / "methods"
 #: Every method of this core that is no room of the house.
@@ -40,7 +41,7 @@ class Range:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.field = lod.datasets.load("fractal:size=129,seed=3")
-        self.yardstick = passes.Yardstick(self.field, folder / "stores", progress=False)
+        self.yardstick = yardstick.Yardstick(self.field, folder / "stores", progress=False)
         self.moving = lod.CameraPath.from_keys([self._key(t) for t in (0.0, 0.5, 1.0)], 3, FOV, MOVING)
         self.still = lod.CameraPath.still(self.field, 3)
         self._stores: dict[Any, Any] = {}
@@ -72,12 +73,12 @@ class Range:
         """Both runs of a method, measured in every frame."""
         store, parts = self.store(method, gap), []
         for path in (self.moving, self.still):
-            flight = passes.Flight(
+            flight = Flight(
                 f"{method}-{path.name}", self.field.spec, path.name, dict(budget), {}, len(path), SIZE,
                 accuracy_frames=len(path),
             )  # fmt: skip
             flown = passes.perform(store, path, flight, yardstick=self.yardstick)
-            parts.append(results.table(flown.rows, results.FRAME_COLUMNS))
+            parts.append(tables.table(flown.rows, tables.FRAME_COLUMNS))
         return Evidence(store, pd.concat(parts, ignore_index=True))
 
 

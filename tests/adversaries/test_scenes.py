@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lodlab import stability
-from lodlab.runs import passes
+from lodlab.stability import stage
 
 from .detectors import ADVERSARIES
 
@@ -23,14 +23,14 @@ HONEST = "honest"
 def failed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     """The scenes that each method fails."""
 
-    def with_gap(source, method, options, folder: Path, **values):  # noqa: ANN001, ANN202 - as passes.store_for
+    def with_gap(source, method, options, folder: Path, **values):  # noqa: ANN001, ANN202 - as store_for
         gap = {"gap": GAP} if method in ADVERSARIES and method != HONEST else {}
         return real(source, method, {**options, **gap}, folder, **values)
 
-    real = passes.store_for
+    real = stage.store_for
     scenes = [dataclasses.replace(s, short=(SOURCE,)) for s in stability.SCENES if s.name in SCENES]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(passes, "store_for", with_gap)
+        patch.setattr(stage, "store_for", with_gap)
         patch.setattr(stability, "SCENES", tuple(scenes))
         folder = tmp_path_factory.mktemp("scenes")
         found = stability.run(folder, methods=ADVERSARIES, short=True, progress=False).failed

@@ -11,7 +11,7 @@ import pytest
 import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
-from lodlab.runs.passes import look_of
+from lodlab.instrument.yardstick import look_of
 from tests.contract import over
 
 from .test_multigrain_colors import NEAR, from_space, noise, pictures, raster

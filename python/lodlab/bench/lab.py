@@ -14,7 +14,7 @@ from .. import _core
 from ..errors import InvalidInput
 from ..instrument import statistics
 from ..paths.path import CameraPath
-from ..runs import results
+from ..runs import provenance, tables
 from ..sources import datasets
 
 SIZE = (1280, 720)
@@ -44,7 +44,7 @@ class Lab:
 
     def store(self, spec: str, method: str, **options: Any) -> Any:
         """An opened core store of the source, built with these options on first use."""
-        key = (spec, method, results.options_text(options))
+        key = (spec, method, tables.options_text(options))
         if key not in self._stores:
             self.say(f"building {method} of {spec}")
             path = self.folder / f"{len(self._stores)}.lod"
@@ -101,7 +101,7 @@ def record(bench: str, case: str, value: float, unit: str, **more: Any) -> Recor
         "reference_value": math.nan,
         "ratio": math.nan,
         "device": "",
-        "commit": results.commit(),
+        "commit": provenance.commit(),
         "options": "{}",
         "seed": SEED,
         "ratio_low": math.nan,
@@ -121,7 +121,7 @@ def device() -> str:
 
 def options_of(store: Any, draw: dict[str, Any]) -> str:
     """Build and draw options as text, every default written out."""
-    return results.options_text({**store.options, **_core.resolve_options(store.method, "draw", draw)})
+    return tables.options_text({**store.options, **_core.resolve_options(store.method, "draw", draw)})
 
 
 def select_case(

@@ -19,11 +19,11 @@ import numpy as np
 from .. import _core
 from ..instrument.audit import random_cut
 from ..paths.path import CameraPath
-from ..runs import results
+from ..runs import tables
 from ..sources.datasets import fractal_window
 from ..sources.frames import DEFAULT_SPACING
 from ..sources.heightfield import HeightField
-from ..stores.store import still
+from ..stores.methods import still
 from .lab import (
     REPEATS,
     SEED,
@@ -180,7 +180,7 @@ def build(lab: Lab) -> Iterable[Record]:
         ratio=ratio,
         ratio_low=low,
         ratio_high=high,
-        options=results.options_text(kept["options"]),
+        options=tables.options_text(kept["options"]),
         details={
             "seconds": ours,
             "reference_seconds": theirs,

@@ -33,7 +33,7 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput
 from ..instrument.metrics import METRICS, measure
-from ..runs import results
+from ..runs import tables
 from . import multigrain, windowed
 from .lab import (
     PAIRS,
@@ -215,7 +215,7 @@ def _build(lab: Lab) -> Iterable[Record]:
         ratio=ratio,
         ratio_low=low,
         ratio_high=high,
-        options=results.options_text(kept["options"]),
+        options=tables.options_text(kept["options"]),
         details={
             "seconds": float(np.median(times)),
             "share_of_samples_kept": (surface.triangles - surface.filler_triangles) / (2.0 * (BUILD_SIZE - 1) ** 2),
@@ -274,7 +274,7 @@ def _memory(lab: Lab) -> Iterable[Record]:
         reference="the input array",
         reference_value=one["array"] / one["samples"],
         ratio=one["array"] / one["samples"] / whole,
-        options=results.options_text(BUILD_OPTIONS),
+        options=tables.options_text(BUILD_OPTIONS),
         details={
             "peak_bytes": one["peak"],
             "array_bytes": one["array"],
@@ -453,7 +453,7 @@ def _demo(lab: Lab) -> Iterable[Record]:
     if done.returncode:
         raise RuntimeError(f"demo: lodlab compare ended with status {done.returncode}: {done.stderr[-2000:]}")
     seconds = time.perf_counter() - start
-    runs = results.read_table(out / "summary.csv").set_index("run")["frame_ms_median"]
+    runs = tables.read_table(out / "summary.csv").set_index("run")["frame_ms_median"]
     slowest = runs[[name for name in runs.index if name.endswith("-px1")]]
     yield record(
         "demo",

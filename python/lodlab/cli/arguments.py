@@ -12,10 +12,11 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InvalidInput
+from ..instrument.yardstick import MEASURES
 from ..paths.terrain import BUILT_IN
-from ..runs.passes import IMAGES, MEASURES
+from ..runs.flight import IMAGES
 from ..sources.datasets import DATASETS
-from ..stores.store import methods
+from ..stores.methods import methods
 
 
 def completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

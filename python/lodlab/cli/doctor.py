@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import _core
 from ..errors import GLError, InvalidInput
-from ..runs.results import commit, machine, version
+from ..runs.provenance import commit, machine, version
 from ..sources.heightfield import window_samples
 from ..sources.spec import data_folder
 
@@ -118,7 +118,7 @@ def _graphics() -> Iterator[Finding]:
 def draw_one() -> tuple[str, bool]:
     """Draws the smallest field with `full` from straight above and reads it back."""
     from ..sources.heightfield import HeightField
-    from ..stores.store import build
+    from ..stores.build import build
 
     field = HeightField(np.zeros((2, 2), np.float32), spacing=10.0)
     with tempfile.TemporaryDirectory(prefix="lodlab-") as folder:

@@ -24,10 +24,10 @@ import lodlab
 from .. import _core, pictures
 from ..disk import is_store
 from ..errors import BrokenPromise, GLError, InvalidInput, StoreError, Unsupported, check_one_of
-from ..runs import results
-from ..runs.passes import MEASURES
+from ..instrument.yardstick import MEASURES
+from ..runs import tables
 from ..sources import datasets
-from ..stores.store import SHOWS
+from ..stores.session import SHOWS
 from . import verdicts
 from .arguments import (
     AccuracyFrames,
@@ -137,7 +137,7 @@ def methods_command(json_: Json = False) -> None:
         typer.echo(f"{method['name']}: {method['summary']}")
         typer.echo(f"  accepts {', '.join(method['accepts'])}; budgets {', '.join(method['budgets']) or 'ignored'}")
         for option in method["options"]:
-            typer.echo(f"  -o {option['name']}={results.cell(option['default'])}  {option_text(option)}")
+            typer.echo(f"  -o {option['name']}={tables.cell(option['default'])}  {option_text(option)}")
         typer.echo("")
 
 
@@ -243,7 +243,7 @@ def info(
         return
     for key in ("method", "source", "source_hash", "content_hash", "format_version", "bytes", "build_seconds"):
         typer.echo(f"{key}: {found[key]}")
-    typer.echo(f"options: {results.options_text(found['options'])}")
+    typer.echo(f"options: {tables.options_text(found['options'])}")
     print_levels(found)
     if verify:
         typer.echo("verified: every page is as it was written")
@@ -439,8 +439,8 @@ def report(
 
 def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -> tuple[Any, Any]:
     """(session, budget) that draw with all data; 1 px where no budget is given."""
-    from ..runs.passes import check_budget
-    from ..stores.store import still
+    from ..runs.flight import check_budget
+    from ..stores.methods import still
 
     checked = check_budget(store.method, budget or {"pixel_error": 1.0})
     return store.session(**still(store.method, options)), checked
@@ -450,7 +450,7 @@ def one_cut(
     store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
 ) -> tuple[Any, Any, Any]:
     """(session, cut, view) of one spot on a path."""
-    from ..runs.passes import make_path
+    from ..paths.path import make_path
 
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
@@ -515,7 +515,7 @@ def render(
         return pictures.error_picture(measured.image, measured.error_px())
 
     if video is not None:
-        from ..runs.passes import make_path
+        from ..paths.path import make_path
 
         track = make_path(path, opened.source, frames, fov)
         session, checked = still_session(opened, budget, options_from(option))

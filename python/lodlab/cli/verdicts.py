@@ -15,7 +15,7 @@ import typer
 
 import lodlab
 
-from ..runs import columns, results
+from ..runs import columns, tables
 from ..runs.fitting import candidate_text, number_text
 from .arguments import (
     Force,
@@ -150,7 +150,7 @@ def fit(
         out=out, force=force, **options_from(option),
     )  # fmt: skip
     flight = ["--path", path, "--frames", str(found.frames), "--size", size]
-    flight += [] if fov is None else ["--fov", results.cell(fov)]
+    flight += [] if fov is None else ["--fov", tables.cell(fov)]
     lines = fit_lines(found, out or store.with_suffix(".run"), flight) if found.reached else []
     if json_:
         print_json({**found.to_dict(), "commands": lines})
@@ -190,12 +190,12 @@ def fit_lines(found: Any, out: Path, flight: Sequence[str]) -> list[str]:
     budget = [
         word for name, value in found.budget.items() for word in (f"--{name.replace('_', '-')}", number_text(value))
     ]
-    options = [word for name, value in found.fly_options.items() for word in ("-o", f"{name}={results.cell(value)}")]
+    options = [word for name, value in found.fly_options.items() for word in ("-o", f"{name}={tables.cell(value)}")]
     measured = ["--accuracy-frames", str(found.frames)]
     fly = ["lodlab", "fly", str(found.store.path), "--out", str(out), *flight, *budget, *measured, *options]
     return [
         shlex.join(fly),
-        shlex.join(["lodlab", "check", str(out), "--max", f"measured_px_max={results.cell(found.pixel_error)}"]),
+        shlex.join(["lodlab", "check", str(out), "--max", f"measured_px_max={tables.cell(found.pixel_error)}"]),
     ]
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from .. import _core
 from ..errors import InvalidInput
 from ..sources.heightfield import HeightField
-from ..stores.store import build
+from ..stores.build import build
 from .cases.case import Case, Drawn
 from .metrics import METRICS, Metric
 

@@ -3,25 +3,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import operator
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput, close_to
+from ..sources.base import FieldSource
 from .keyframes import poses_of_array, poses_of_keys, read_file
 from .terrain import BUILT_IN, Pose, PoseAt
-
-if TYPE_CHECKING:
-    from ..sources.base import FieldSource
 
 DEFAULT_FRAMES = 120
 DEFAULT_FOV = 60.0
 MAX_FRAMES = 1_000_000
+POSE_BITS = 32  # of positions and axes: built-in paths differ in the last bits from one libm to another
 
 
 def _whole(what: str, value: Any, low: int, high: int) -> int:
@@ -191,3 +191,36 @@ class CameraPath:
         known, close = ", ".join(BUILT_IN), close_to(text, BUILT_IN)
         meant = f" (close to it: {', '.join(close)})" if close else ""
         raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file{meant}")
+
+
+def make_path(path: Any, source: FieldSource | None, frames: int, fov: float | None) -> CameraPath:
+    """A CameraPath from itself, a built-in name, or a key-frame file (.toml, .json)."""
+    return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)
+
+
+def over_source(path: Any) -> bool:
+    """Whether a path is made from what it flies over: a built-in one, by its name."""
+    return isinstance(path, (str, os.PathLike)) and not os.fspath(path).lower().endswith((".toml", ".json"))
+
+
+def path_text(path: Any) -> str:
+    """A path as configurations name it: a built-in name, an absolute file, or the name of one in memory."""
+    if isinstance(path, CameraPath):
+        return path.name
+    text = os.fspath(path)
+    return os.path.abspath(text) if text.lower().endswith((".toml", ".json")) else text
+
+
+def poses_hash(views: Iterable[Any]) -> str:
+    """32 hex digits of eye, target, up, fov, near plane and size of every view.
+
+    Rounded to 2^-32 of the largest number of its kind, so that the last bits of a sine do not count.
+    """
+    rows = [[*v.eye, *v.target, *(v.up / np.linalg.norm(v.up)), v.fov, v.near, *v.size] for v in views]
+    table = np.array(rows, dtype=np.float64)
+    out = hashlib.blake2b(digest_size=16)
+    for part in (table[:, :6], table[:, 6:9], table[:, 9:10], table[:, 10:11], table[:, 11:]):
+        _, exponent = np.frexp(np.abs(part).max())
+        out.update(np.rint(np.ldexp(part, POSE_BITS - int(exponent))).astype(np.int64).tobytes())
+        out.update(int(exponent).to_bytes(4, "little", signed=True))
+    return out.hexdigest()

@@ -20,7 +20,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from .. import pictures
+from .. import chart, pictures
 from ..disk import write_atomic
 from ..errors import InvalidInput
 from ..figures import number, percent
@@ -28,9 +28,11 @@ from ..instrument.laws import broken_by_run, judge
 from ..instrument.metrics import BASELINE
 from ..instrument.statistics import noise_floor
 from ..runs.columns import tooltip
+from ..runs.directory import HEAD
 from ..runs.passes import worst_folder
-from ..runs.results import HEAD, read_provenance, short_source
+from ..runs.provenance import read_provenance
 from ..runs.sweep import Sweep
+from ..sources.spec import short_source
 from . import charts
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
@@ -111,7 +113,7 @@ def _inline(data: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
-def _chart(chart: charts.Chart, caption: str, light: str | None = None) -> str:
+def _chart(chart: chart.Chart, caption: str, light: str | None = None) -> str:
     """A chart in both dresses; the reader's colour scheme chooses. `light`: its SVG, where it is drawn already."""
     light, dark = (_inline(svg.encode(), "svg+xml") for svg in (light or chart.svg("light"), chart.svg("dark")))
     return (

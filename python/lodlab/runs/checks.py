@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidInput, close_to
-from . import results
+from . import tables
 from .configs import freeze, plan
+from .toml import read_config
 
 #: Undefined in the first frame of a run, which no frame goes before.
 _FROM_SECOND_FRAME = ("pop_px_max", "pop_area")
@@ -62,8 +63,8 @@ def check(
     folder = Path(run_directory)
     if not folder.is_dir():
         raise InvalidInput(f"check: no directory {folder}")
-    frames, summary = (results.read_table(folder / name) for name in ("frames.csv", "summary.csv"))
-    planned = [task.flight.name for task in plan(freeze(results.read_config(folder / "config.toml")))]
+    frames, summary = (tables.read_table(folder / name) for name in ("frames.csv", "summary.csv"))
+    planned = [task.flight.name for task in plan(freeze(read_config(folder / "config.toml")))]
     if summary.empty:
         raise InvalidInput(f"check: {folder} holds no finished run")
     limits = [*_limits("max", max, frames, summary), *_limits("min", min, frames, summary)]
@@ -89,7 +90,7 @@ def _limits(
     known = [
         name
         for name in dict.fromkeys([*frames.columns, *summary.columns])
-        if name not in results.TEXT_COLUMNS and name not in ("frame", "accuracy")
+        if name not in tables.TEXT_COLUMNS and name not in ("frame", "accuracy")
     ]
     for column, value in (given or {}).items():
         try:
@@ -107,7 +108,7 @@ def _limits(
 
 def _in_frames(column: str, frames: Any, summary: Any) -> Iterator[tuple[str, int | None, float | None]]:
     """(run, frame, value) for every frame that must have this figure; (run, None, None) where one has none."""
-    measured = column in results.ACCURACY_COLUMNS and column not in _ALWAYS_KNOWN
+    measured = column in tables.ACCURACY_COLUMNS and column not in _ALWAYS_KNOWN
     for run, expected in summary[["run", "accuracy_frames" if measured else "frames"]].itertuples(index=False):
         rows = frames[frames["run"] == run]
         if measured:

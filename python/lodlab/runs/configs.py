@@ -43,10 +43,13 @@ from typing import Any
 from .. import _core
 from ..errors import InvalidInput
 from ..paths.path import DEFAULT_FOV
-from ..stores.store import Store, method_table, options_of
-from . import results
+from ..sources.spec import short_source
+from ..stores.methods import method_table, options_of
+from ..stores.store import Store
+from . import tables
+from .directory import RunDirectory
+from .flight import Flight, budget_text, check_budget, run_name
 from .identity import check_hashes, merged
-from .passes import Flight, budget_text, check_budget, run_name
 
 BUDGET_LISTS = {"pixel_errors": "pixel_error", "triangles": "triangles", "nodes": "nodes"}
 DEFAULTS: dict[str, Any] = {
@@ -237,7 +240,7 @@ def grow(old: Mapping[str, Any] | None, new: Mapping[str, Any], where: Any) -> d
         {k: wide.get(k) if v is None else v for k, v in {"fov": None, **config}.items() if k not in GROWING}
         for config in (old, new)
     ]
-    if difference := results.first_difference(*shared):
+    if difference := first_difference(*shared):
         raise InvalidInput(
             f"run directory: {where} holds runs of another configuration ({difference}); choose another directory "
             "or remove this one"
@@ -291,12 +294,12 @@ class Task:
         """What tells its rows from those of other runs of a directory, as text: columns of KEY."""
         budget = self.flight.budget if method_table(self.method)["budgets"] else {}
         options = _plain({**self.build_options, **self.flight.options})
-        limits = (results.cell(budget.get(name)) for name in BUDGET_LISTS.values())
+        limits = (tables.cell(budget.get(name)) for name in BUDGET_LISTS.values())
         return (self.flight.source, self.flight.path, self.method, options, *limits)
 
 
 def enter(
-    directory: results.RunDirectory,
+    directory: RunDirectory,
     config: Mapping[str, Any],
     hashes_of: Callable[[Sequence[Task]], list[dict[str, str]]],
     called: str = "configuration",
@@ -330,7 +333,7 @@ def names_of(done: Mapping[str, Mapping[str, str]], tasks: Iterable[Task]) -> di
 def _plain(options: Mapping[str, Any]) -> str:
     """Options as text in which 0.0 is 0: stores keep a whole number without its point."""
     whole = {k: int(v) if isinstance(v, float) and v.is_integer() else v for k, v in options.items()}
-    return results.options_text(whole)
+    return tables.options_text(whole)
 
 
 def plan(config: Mapping[str, Any]) -> list[Task]:
@@ -346,11 +349,11 @@ def plan(config: Mapping[str, Any]) -> list[Task]:
     seen: dict[tuple[str, str], set[str]] = {}
     for _, _, name, chosen, _ in grid:
         for option, value in chosen.items():
-            seen.setdefault((name, option), set()).add(results.options_text({"": value}))
+            seen.setdefault((name, option), set()).add(tables.options_text({"": value}))
     tasks, names_used = [], set()
     for source, path, method, chosen, budget in grid:
-        varied = [f"{k}={results.cell(v)}" for k, v in chosen.items() if len(seen[method, k]) > 1]
-        places = ((results.short_source(source), config["sources"]), (Path(path).stem, config["paths"]))
+        varied = [f"{k}={tables.cell(v)}" for k, v in chosen.items() if len(seen[method, k]) > 1]
+        places = ((short_source(source), config["sources"]), (Path(path).stem, config["paths"]))
         many = [name for name, several in places if len(several) > 1]
         name = run_name(*many, method, *varied, budget_text(budget))
         unique, n = name, 2
@@ -364,3 +367,21 @@ def plan(config: Mapping[str, Any]) -> list[Task]:
         )  # fmt: skip
         tasks.append(Task(flight, method, {k: chosen[k] for k in options_of(method, "build")}))
     return tasks
+
+
+def first_difference(old: Any, new: Any, where: str = "") -> str | None:
+    """Names the first key at which two configurations differ, or None."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in [*old, *(k for k in new if k not in old)]:
+            if key not in old or key not in new:
+                return f"{where}{key}: {old.get(key, 'unset')} there, {new.get(key, 'unset')} now"
+            found = first_difference(old[key], new[key], f"{where}{key}.")
+            if found:
+                return found
+        return None
+    if isinstance(old, list) and isinstance(new, list):
+        for i, (a, b) in enumerate(zip(old, new, strict=False)):
+            found = first_difference(a, b, f"{where}{i + 1}.")
+            if found:
+                return found
+    return None if old == new else f"{where.rstrip('.')}: {old!r} there, {new!r} now"

@@ -19,7 +19,7 @@ import math
 import os
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,14 @@ import numpy as np
 
 from .. import _core, disk
 from ..errors import InvalidInput
-from ..paths.path import CameraPath
+from ..paths.path import CameraPath, make_path
 from ..sources.heightfield import HeightField
 from ..sources.spec import as_source
-from ..stores.store import Store, method_table, open, options_of, still
-from .passes import check_budget, make_path, store_for
-from .run import Run, fly
-from .sweep import check_accepts
+from ..stores.build import store_for
+from ..stores.methods import check_accepts, method_table, options_of, still
+from ..stores.store import Store, open
+from .flight import check_budget
+from .run import Run
 
 DENSER = 4  # the second sampling of the path
 STEP = 1.1  # between budgets
@@ -93,7 +94,7 @@ class Fit:
         )
 
 
-def fit(
+def search(
     source: Any,
     method: str,
     store_path: str | os.PathLike[str],
@@ -103,40 +104,20 @@ def fit(
     frames: int = 120,
     size: tuple[int, int] = (1280, 720),
     fov: float | None = None,
-    out: str | os.PathLike[str] | None = None,
     force: bool = False,
     progress: bool = True,
     **options: Any,
 ) -> Fit:
-    """Searches the smallest store of a source, then the cheapest budget, whose measured error stays within
-    `pixel_error` (pixels) on every frame of the path, and writes that store to `store_path`.
-
-    `path`, `frames`, `size`, `fov`: as `fly`. `out`: a run directory in which the answer is then flown and measured in
-    every frame (`Fit.run`). `force`: replace an existing file. `options`: the method's other options, build and draw.
-    Where nothing reaches it, `reached` is False and the best store is written. Measured with everything loaded: data
-    still on its way is drawn coarser.
-
-    InvalidInput: a limit that is no positive number, an unknown method or option, `finest_error` or `stream` among
-    the options, a file or finished runs in the way, a path that never sees the source. Unsupported: the method does
-    not accept it.
-    """
+    """The store and budget that `lodlab.fit` answers with, found and written to `store_path`; its parameters."""
     limit = _limit(pixel_error)
     build_options, draw_options = _split(method, options)
     target = _target(store_path, force)
-    _check_out(out, force)
     field = as_source(source)
     check_accepts(field, method)
     track = make_path(path, field, frames, fov)
     search = _Search(field, method, build_options, draw_options, limit, track, size, fov, progress)
     with search.bar:
-        found = search.run(target)
-    if out is None:
-        return found
-    run = fly(
-        found.store, path, found.budget, size=size, frames=frames, fov=fov, accuracy_frames=found.frames, out=out,
-        progress=progress, **found.fly_options,
-    )  # fmt: skip
-    return replace(found, run=run)
+        return search.run(target)
 
 
 def _limit(pixel_error: Any) -> float:
@@ -181,7 +162,7 @@ def _target(store_path: str | os.PathLike[str], force: bool) -> Path:
     return target
 
 
-def _check_out(out: str | os.PathLike[str] | None, force: bool) -> None:
+def check_out(out: str | os.PathLike[str] | None, force: bool) -> None:
     """Refuses before the long search a folder that would be refused, or mixed into, after it."""
     if out is None:
         return

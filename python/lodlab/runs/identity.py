@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""What a run's rows rest on beside its configuration, as hashes: the heights, the poses of every frame, the raster
-of colours. And what a run directory keeps so that it can be flown again: paths and arrays that lay in memory.
+"""What a run's rows rest on beside its configuration, as lists of hashes: the heights, the poses of every frame, the
+raster of colours. And what a run directory keeps so that it can be flown again: paths and arrays that lay in memory.
 
 Invariant: a name is never believed. Rows under one name in one directory have the same three hashes.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
-import os
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,52 +18,18 @@ import numpy as np
 from .. import _core
 from ..disk import write_atomic
 from ..errors import InvalidInput, StoreError
-from ..paths.path import CameraPath
+from ..paths.path import CameraPath, poses_hash
 from ..paths.terrain import BUILT_IN
+from ..sources.base import Source
 from ..sources.heightfield import HeightField
 from ..sources.spec import as_source
-from .results import RunDirectory, toml_text
+from .directory import RunDirectory
+from .toml import toml_text
 
-POSE_BITS = 32  # of positions and axes: built-in paths differ in the last bits from one libm to another
 KEPT_MB = 256  # arrays up to this size are kept in a run directory
 
 
 # ---- hashes ---------------------------------------------------------------------------------------
-
-
-def poses_hash(views: Iterable[Any]) -> str:
-    """32 hex digits of eye, target, up, fov, near plane and size of every view.
-
-    Rounded to 2^-32 of the largest number of its kind, so that the last bits of a sine do not count.
-    """
-    rows = [[*v.eye, *v.target, *(v.up / np.linalg.norm(v.up)), v.fov, v.near, *v.size] for v in views]
-    table = np.array(rows, dtype=np.float64)
-    out = hashlib.blake2b(digest_size=16)
-    for part in (table[:, :6], table[:, 6:9], table[:, 9:10], table[:, 10:11], table[:, 11:]):
-        _, exponent = np.frexp(np.abs(part).max())
-        out.update(np.rint(np.ldexp(part, POSE_BITS - int(exponent))).astype(np.int64).tobytes())
-        out.update(int(exponent).to_bytes(4, "little", signed=True))
-    return out.hexdigest()
-
-
-def rasters(options: Mapping[str, Any]) -> dict[tuple[str, str], str]:
-    """The files that build options name, each as ("raster", its name) with 32 hex digits of its bytes."""
-    out = {}
-    for file in (v for v in options.values() if isinstance(v, str) and v and os.path.isfile(v)):
-        status = os.stat(file)
-        out["raster", file] = _file_hash(os.path.abspath(file), status.st_mtime_ns, status.st_size)
-    return out
-
-
-def attribute_hash(options: Mapping[str, Any]) -> str:
-    """The hash of the file that build options name (several: theirs joined), empty where they name none."""
-    return "-".join(rasters(options).values())
-
-
-@lru_cache(maxsize=64)
-def _file_hash(file: str, _changed: int, _size: int) -> str:
-    with open(file, "rb") as opened:
-        return hashlib.file_digest(opened, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
 def hash_list(found: Mapping[tuple[str, str], str]) -> list[dict[str, str]]:
@@ -95,7 +58,7 @@ def merged(known: Iterable[Mapping[str, str]], now: Iterable[Mapping[str, str]])
 
 
 def take_path(
-    directory: RunDirectory, path: CameraPath, fields: Iterable[HeightField], size: tuple[int, int], fov: float | None
+    directory: RunDirectory, path: CameraPath, fields: Iterable[Source], size: tuple[int, int], fov: float | None
 ) -> str:  # fmt: skip
     """The name under which a path that lies in memory is flown again: a built-in one's where it is that, over every
     field; else that of the key frames that the directory now keeps."""
@@ -180,7 +143,7 @@ def kept_array(folder: Path, name: str) -> HeightField | None:
     return field
 
 
-def source_in(folder: Path, name: str) -> HeightField:
+def source_in(folder: Path, name: str) -> Source:
     """The source of that name of a run directory: an array that it keeps, or what the SOURCE text loads."""
     kept = kept_array(folder, name)
     return as_source(name) if kept is None else kept

@@ -13,11 +13,16 @@ from typing import Any
 import numpy as np
 
 from .. import disk
+from ..disk import attribute_hash
 from ..errors import InvalidInput
-from ..stores.store import options_of, still
-from . import results
-from .identity import attribute_hash, path_in, poses_hash, source_in
-from .passes import Flown, Recording, Yardstick, check_budget, look_of, make_path, store_file, store_for
+from ..instrument.yardstick import Yardstick, look_of
+from ..paths.path import make_path, poses_hash
+from ..stores.build import store_file, store_for
+from ..stores.methods import options_of, still
+from .flight import check_budget
+from .identity import path_in, source_in
+from .passes import Flown, Recording
+from .toml import read_config
 
 _ALL = "fly with images='all' to keep its pictures"
 
@@ -30,7 +35,7 @@ def fly_again(run: Any) -> Flown:
     """
     directory, row = Path(run.directory), run.frames.iloc[0]
     where = f"image: run {run.name} in {directory}"
-    config = results.read_config(directory / "config.toml")
+    config = read_config(directory / "config.toml")
     if row["stream"]:
         raise InvalidInput(f"{where}: it streamed, and what was loaded in time is not written down; {_ALL}")
     try:

@@ -1,7 +1,18 @@
 # SPDX-License-Identifier: MIT
 """What is looked at: height fields, in memory and read by windows; their files, data sets and SOURCE texts."""
 
+from .base import FieldSource, Source
 from .heightfield import HeightField
 from .spec import SourceSpec, as_source, data_folder, find_file, load, parse
 
-__all__ = ["HeightField", "SourceSpec", "as_source", "data_folder", "find_file", "load", "parse"]
+__all__ = [
+    "FieldSource",
+    "HeightField",
+    "Source",
+    "SourceSpec",
+    "as_source",
+    "data_folder",
+    "find_file",
+    "load",
+    "parse",
+]

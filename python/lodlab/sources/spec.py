@@ -186,3 +186,9 @@ def as_source(source: Any) -> Source:
     what = type(source).__name__
     cure = "; its source is store.source" if what == "Store" else ""
     raise InvalidInput(f"source: {what} is no height field, SOURCE text, path or array{cure}")
+
+
+def short_source(text: str) -> str:
+    """A SOURCE text for people: of a file, its name without the folders, keys kept."""
+    head, colon, keys = text.partition(":")
+    return os.path.basename(head) + colon + keys

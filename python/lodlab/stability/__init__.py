@@ -26,8 +26,9 @@ import numpy as np
 
 from .. import _core, disk, pictures
 from ..errors import InvalidInput, Unsupported
-from ..runs import results
-from ..stores.store import method_table
+from ..runs import provenance, tables
+from ..sources.spec import short_source
+from ..stores.methods import method_table
 from . import fields, rules
 from .scenes import SCENES
 from .stage import Bench, Figure, NotApplicable, Scene, Stage
@@ -101,7 +102,7 @@ def run(
         raise InvalidInput(f"stability: {folder} is a file, not a directory")
     shutil.rmtree(folder / "images", ignore_errors=True)
     (folder / "images").mkdir(parents=True, exist_ok=True)
-    start = results.now()
+    start = provenance.now()
     rows = [
         _no_source(scene, method)
         for scene in SCENES
@@ -189,7 +190,7 @@ def _steps(parts: list[Part], progress: bool) -> Iterator[Part]:
 
     with tqdm(total=len(parts), disable=None if progress else True, leave=False) as bar:
         for part in parts:
-            bar.set_description_str(f"{part.scene.name} {part.method} {results.short_source(part.source)}")
+            bar.set_description_str(f"{part.scene.name} {part.method} {short_source(part.source)}")
             yield part
             bar.update()
 
@@ -199,7 +200,7 @@ def _play(part: Part, stage: Stage, natures: Sequence[rules.Rule]) -> Iterator[t
     options = stage.resolved_options
 
     def row(figure: Figure, limit: float, verdict: str) -> tuple[Figure, dict[str, Any]]:
-        values = (part.scene.name, part.method, part.source, results.options_text(options), figure.name)
+        values = (part.scene.name, part.method, part.source, tables.options_text(options), figure.name)
         return figure, dict(zip(COLUMNS, (*values, figure.value, figure.unit, limit, verdict), strict=True))
 
     try:
@@ -248,17 +249,17 @@ def _keep_picture(folder: Path, figure: Figure, row: dict[str, Any], worst: dict
 
 def _write(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     text = io.StringIO(newline="")
-    csv.writer(text).writerows([COLUMNS, *([results.cell(row[c]) for c in COLUMNS] for row in rows)])
+    csv.writer(text).writerows([COLUMNS, *([tables.cell(row[c]) for c in COLUMNS] for row in rows)])
     disk.write_atomic(folder / "stability.csv", text.getvalue())
 
 
 def _provenance(start: str, names: list[str], scenes: list[str], short: bool) -> dict[str, Any]:
     return {
-        "lodlab": results.version(),
-        "commit": results.commit(),
+        "lodlab": provenance.version(),
+        "commit": provenance.commit(),
         "start": start,
-        "end": results.now(),
-        "machine": results.machine(),
+        "end": provenance.now(),
+        "machine": provenance.machine(),
         "gl": _core.gl_info(),
         "methods": names,
         "scenes": scenes,

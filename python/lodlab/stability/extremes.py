@@ -11,9 +11,9 @@ import numpy as np
 
 from .. import _core
 from ..errors import Unsupported
-from ..runs import passes
+from ..runs.flight import budget_text
 from ..sources.heightfield import HeightField
-from ..stores.store import Cut, Session
+from ..stores.session import Cut, Session
 from . import fields
 from .stage import Figure, Stage, Worst, chosen, look, refuses, state
 
@@ -243,7 +243,7 @@ def extreme_budgets(stage: Stage) -> Iterator[Figure]:
     for values in _budgets_nobody_tried(stage, session, view):
         cut = session.select(view, _core.Budget(**values))
         if not _kept_or_missed_openly(stage, session, cut, values):
-            wrong.append(passes.budget_text(values))
+            wrong.append(budget_text(values))
             draw = draw or stage.picture(session, cut, view)
     shown = draw or stage.picture(session, cut, view)
     yield Figure(f"budgets answered wrongly{_first(wrong)}", len(wrong), "budgets", 0, shown())

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from .. import _core
-from ..stores.store import Cut, Session, options_of
+from ..stores.methods import options_of
+from ..stores.session import Cut, Session
 from .stage import NO_LIMIT, Figure, Stage, Worst, chosen, look, state, zero_if_unseen
 
 SETTLED = 3  # frames after which a still camera's cut is fixed

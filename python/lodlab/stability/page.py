@@ -20,8 +20,8 @@ import numpy as np
 from .. import pictures
 from ..disk import write_atomic
 from ..figures import number
-from ..runs.results import short_source
-from ..stores.store import method_table
+from ..sources.spec import short_source
+from ..stores.methods import method_table
 from . import BY_NATURE, FAIL, NOT_APPLICABLE, PASS, SCENES, badness, picture_name
 from .stage import Scene
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidInput
-from ..runs import results
-from ..stores.store import method_table
+from ..runs.toml import read_config
+from ..stores.methods import method_table
 
 NEVER_BY_DEFAULT = ("s01", "s02", "s07", "s11", "s12", "s13", "s14", "s15", "s16", "s20")
 KEYS = ("method", "options", "scene", "reason", "limit")
@@ -51,7 +51,7 @@ def file() -> Path:
 def read(path: Path | None = None) -> list[Rule]:
     """The rows of the file. InvalidInput names the first that is wrong, or that no method is allowed."""
     path = path or file()
-    table = results.read_config(path)
+    table = read_config(path)
     return [_rule(f"{path}: row {i}", row) for i, row in enumerate(table.get("row", []), start=1)]
 
 

@@ -21,9 +21,9 @@ import numpy as np
 from .. import _core
 from ..errors import GLError, InvalidInput, StoreError, Unsupported
 from ..instrument.audit import any_cut
-from ..runs import passes
-from ..stores import store as stores
-from ..stores.store import Cut, Session, method_table
+from ..stores.build import store_for
+from ..stores.methods import method_table, still
+from ..stores.session import Cut, Session
 from . import rules
 from .stage import FLAWS, NO_LIMIT, Bench, pixel_slack, state
 from .tree import Tree
@@ -124,12 +124,11 @@ class _Player:
         source = self.may_refuse(lambda: make_source(trial.source), "source", True)
         self.bench = Bench(trial.name, self.folder, source)
         self.store = self.may_refuse(
-            lambda: passes.store_for(source, trial.method, trial.build, self.folder, progress=False),
+            lambda: store_for(source, trial.method, trial.build, self.folder, progress=False),
             "build",
             bool(trial.build),
         )
-        still = stores.still(trial.method, {k: v for k, v in trial.draw.items() if k not in PAGING})
-        self.session = self.open(still)
+        self.session = self.open(still(trial.method, {k: v for k, v in trial.draw.items() if k not in PAGING}))
         self.ground = Ground(source)
         if trial.kind == "cuts":
             self.play_cuts()

@@ -20,11 +20,13 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput
 from ..instrument.metrics import pixel_slack
+from ..instrument.yardstick import Yardstick
 from ..paths.path import CameraPath
-from ..runs import passes
 from ..sources.heightfield import HeightField
-from ..stores import store as stores
-from ..stores.store import Cut, Session, Store, method_table
+from ..stores.build import store_for
+from ..stores.methods import method_table, still
+from ..stores.session import Cut, Session
+from ..stores.store import Store
 from . import fields
 from .tree import Tree
 
@@ -96,13 +98,13 @@ class Bench:
         return self._source if self._source is not None else fields.load(self.name)
 
     @cached_property
-    def yardstick(self) -> passes.Yardstick:
-        return passes.Yardstick(self.source, self.folder, progress=False)
+    def yardstick(self) -> Yardstick:
+        return Yardstick(self.source, self.folder, progress=False)
 
     def store(self, method: str) -> Store:
         """The method's store of this source, built once, default build options."""
         if method not in self._stores:
-            self._stores[method] = passes.store_for(self.source, method, {}, self.folder, progress=False)
+            self._stores[method] = store_for(self.source, method, {}, self.folder, progress=False)
         return self._stores[method]
 
 
@@ -144,12 +146,12 @@ class Stage:
     @property
     def resolved_options(self) -> dict[str, Any]:
         """All options, defaults written out, as the rows name them."""
-        draw = _core.resolve_options(self.method, "draw", stores.still(self.method, self.options))
+        draw = _core.resolve_options(self.method, "draw", still(self.method, self.options))
         return {**_core.resolve_options(self.method, "build", {}), **draw}
 
     def session(self, **options: Any) -> Session:
         """A fresh session; everything is loaded first, unless `options` say otherwise."""
-        return self.store.session(**{**stores.still(self.method, self.options), **options})
+        return self.store.session(**{**still(self.method, self.options), **options})
 
     def other(self, name: str, source: HeightField) -> Stage:
         """The same method on another source, one that the scene made."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..errors import InvalidInput
-from ..stores.store import Cut, Session
+from ..stores.session import Cut, Session
 
 Goal = tuple[np.ndarray, int]  # a horizontal point (2,), and the level that its node is to have
 

@@ -18,7 +18,7 @@ import numpy as np
 from .. import _core
 from ..sources.frames import EARTH_RADIUS
 from ..sources.heightfield import HeightField
-from ..stores.store import method_table
+from ..stores.methods import method_table
 from . import fields
 from .stage import look
 
