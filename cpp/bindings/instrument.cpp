@@ -7,6 +7,7 @@
 
 #include <mutex>
 #include <set>
+#include <variant>
 
 #include "base/errors.h"
 #include "bindings/session.h"
@@ -192,6 +193,15 @@ auto figure(Figure (Measurement::*function)()) {
   };
 }
 
+/// A count that may mean nothing on the kind of source: nan then.
+auto count_of(std::optional<int64_t> (Measurement::*function)()) {
+  return [function](PyMeasurement& self) -> std::variant<int64_t, double> {
+    const std::optional<int64_t> found = figure(function)(self);
+    if (found) return *found;
+    return instrument::kUndefined;
+  };
+}
+
 py::array_t<float> error_px(PyMeasurement& self) {
   std::vector<float> errors = figure(&Measurement::error_px)(self);
   const Camera& camera = self.measurement.camera();
@@ -221,13 +231,15 @@ void bind_measurement(py::module_& m) {
   const auto column = [&](const char* name, auto function, const char* text) {
     type.def_property_readonly(name, figure(function), text);
   };
+  const auto count = [&](const char* name, std::optional<int64_t> (Measurement::*function)(),
+                         const char* text) { type.def_property_readonly(name, count_of(function), text); };
   column("measured_px_max", &Measurement::measured_px_max,
          "Largest over the samples in the frustum, pixels.");
   column("measured_px_p99", &Measurement::measured_px_p99, "Over the reference's pixels, nearest rank.");
   column("measured_px_rms", &Measurement::measured_px_rms, "Over the reference's pixels.");
   column("measured_max", &Measurement::measured_max, "Over all samples, source units.");
   column("measured_rms", &Measurement::measured_rms, "Over all samples, source units.");
-  column("hole_samples", &Measurement::hole_samples, "Samples that no surface triangle covers.");
+  count("hole_samples", &Measurement::hole_samples, "Samples that no surface triangle covers.");
   column("measured_samples", &Measurement::measured_samples, "Samples that are not void.");
   column("crack_edges", &Measurement::crack_edges, "Directed edges without exactly one opposite.");
   column("crack_pixels", &Measurement::crack_pixels, "Clear colour or inside where there is outside.");
@@ -239,12 +251,11 @@ void bind_measurement(py::module_& m) {
   column("flip", &Measurement::flip, "Mean FLIP error against the reference, 0 when equal.");
   column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
   column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
-  column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
+  count("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
   column("optimum_gap", &Measurement::optimum_gap, "predicted_px over the optimum of the hierarchy, less 1.");
-  column("slanted_filler_triangles", &Measurement::slanted_filler_triangles,
-         "Fillers that are not vertical.");
-  column("raised_filler_triangles", &Measurement::raised_filler_triangles,
-         "Fillers that rise above the drawn surface.");
+  count("slanted_filler_triangles", &Measurement::slanted_filler_triangles, "Fillers that are not vertical.");
+  count("raised_filler_triangles", &Measurement::raised_filler_triangles,
+        "Fillers that rise above the drawn surface.");
   column("drawn_triangles", &Measurement::drawn_triangles,
          "Triangles of the picture as the GPU counts them, culled nodes left out.");
   type.def_property_readonly("image", &drawn_image, "(H, W, 4) uint8: the picture as drawn, row 0 on top.")

@@ -160,6 +160,7 @@ std::vector<uint64_t> unmatched(const Partitions& parts) {
 struct Edge {
   Vertex low, high;
   bool forward;  ///< from low to high
+  uint32_t node;
   auto operator<=>(const Edge&) const = default;
 };
 
@@ -175,7 +176,8 @@ std::vector<Edge> edges_of(const render::Captured& captured, const std::vector<u
     if (!std::binary_search(wanted.begin(), wanted.end(), keys[i] | kDirection)) continue;
     const size_t next = i % 3 == 2 ? i - 2 : i + 1;
     const Vertex a = bits_of(captured.vertices[i]), b = bits_of(captured.vertices[next]);
-    out.push_back(a < b ? Edge{a, b, true} : Edge{b, a, false});
+    const uint32_t node = captured.vertices[i].node;
+    out.push_back(a < b ? Edge{a, b, true, node} : Edge{b, a, false, node});
   }
   std::sort(out.begin(), out.end());
   return out;
@@ -185,18 +187,10 @@ glm::dvec3 relative(const Vertex& v) {
   return {std::bit_cast<float>(v[0]), std::bit_cast<float>(v[1]), std::bit_cast<float>(v[2])};
 }
 
-bool on_border(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) {
-  return (grid.borders(relative(edge.low), eye) & grid.borders(relative(edge.high), eye)) != 0;
-}
-
-bool columns_fall_together(const SampleGrid& grid, const Edge& edge, const glm::dvec3& eye) {
-  return grid.columns_fall_together(relative(edge.low), eye) ||
-         grid.columns_fall_together(relative(edge.high), eye);
-}
-
 }  // namespace
 
-int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured) {
+int64_t crack_edges(const render::Captured& captured,
+                    const std::function<bool(const UnmatchedEdge&)>& excused) {
   const std::vector<uint64_t> keys = all_keys(captured);
   const std::vector<uint64_t> wanted = unmatched(partition(keys));
   const std::vector<Edge> edges = edges_of(captured, keys, wanted);
@@ -209,8 +203,11 @@ int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured) {
       ++(edges[next].forward ? forward : backward);
     }
     const int64_t wrong = (backward != 1 ? forward : 0) + (forward != 1 ? backward : 0);
-    const bool folded = forward == backward && columns_fall_together(grid, edges[i], captured.eye);
-    if (wrong > 0 && !folded && !on_border(grid, edges[i], captured.eye)) cracks += wrong;
+    if (wrong > 0) {
+      const UnmatchedEdge edge{relative(edges[i].low), relative(edges[i].high), edges[i].node,
+                               forward == backward};
+      if (!excused(edge)) cracks += wrong;
+    }
     i = next;
   }
   return cracks;

@@ -8,13 +8,22 @@
 
 #include <cstdint>
 
-#include "instrument/sample_grid.h"
+#include <functional>
+#include <glm/glm.hpp>
+
 #include "render/frame.h"
 
 namespace lodlab::instrument {
 
-/// The number of directed edges without exactly one opposite. Edges along the outer border of the grid
-/// (a planet that wraps has no first and last column, and none along a pole) are not counted.
-int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured);
+/// An edge of surface triangles that is not there exactly once in each direction. Points relative to the eye.
+struct UnmatchedEdge {
+  glm::dvec3 low, high;
+  uint32_t node;  ///< of one of its triangles
+  bool balanced;  ///< as often in one direction as in the other
+};
+
+/// The number of directed edges without exactly one opposite, those left out that are excused.
+int64_t crack_edges(const render::Captured& captured,
+                    const std::function<bool(const UnmatchedEdge&)>& excused);
 
 }  // namespace lodlab::instrument

@@ -52,7 +52,7 @@ class LaidOnField final : public Laid {
     surface();
     return worst_of_nodes(shown_.now(), worst_of_triangle_);
   }
-  int64_t raised_fillers() override {
+  std::optional<int64_t> raised_fillers() override {
     return instrument::raised_fillers(field_, ruler_.grid(), surface(), shown_.now());
   }
   Correspondence to_drawn() override {
@@ -96,7 +96,7 @@ class LaidByRows final : public Laid {
   std::vector<NodeError> node_errors() override {
     return worst_of_nodes(shown_.now(), found().worst_of_triangle);
   }
-  int64_t raised_fillers() override {
+  std::optional<int64_t> raised_fillers() override {
     if (has_fillers(shown_.now())) refuse();
     return 0;
   }
@@ -183,11 +183,20 @@ void FieldRuler::for_parts(const std::function<void(const HeightField&, const Sa
   }
 }
 
-int64_t FieldRuler::crack_edges(const render::Captured& captured) const {
+int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured) {
+  const glm::dvec3& eye = captured.eye;
+  return crack_edges(captured, [&](const UnmatchedEdge& edge) {
+    if ((grid.borders(edge.low, eye) & grid.borders(edge.high, eye)) != 0) return true;
+    return edge.balanced &&
+           (grid.columns_fall_together(edge.low, eye) || grid.columns_fall_together(edge.high, eye));
+  });
+}
+
+int64_t FieldRuler::crack_edges(const render::Captured& captured, const NodeBound&) const {
   return instrument::crack_edges(grid_, captured);
 }
 
-Orientation FieldRuler::orientation(const render::Captured& captured) const {
+std::optional<Orientation> FieldRuler::orientation(const render::Captured& captured) const {
   return instrument::orientation(grid_, captured);
 }
 

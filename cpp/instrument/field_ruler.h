@@ -20,8 +20,9 @@ class FieldRuler final : public Ruler {
   const FieldSource& source() const override { return *source_; }
   const SampleGrid& grid() const { return grid_; }
   std::unique_ptr<Laid> lay(Shown shown) const override;
-  int64_t crack_edges(const render::Captured& captured) const override;
-  Orientation orientation(const render::Captured& captured) const override;
+  bool has_holes() const override { return true; }
+  int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const override;
+  std::optional<Orientation> orientation(const render::Captured& captured) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;
   bool has_voids() const override { return source_->has_voids(); }
   double slack(const glm::dvec3& eye) const override;
@@ -36,6 +37,10 @@ class FieldRuler final : public Ruler {
   std::shared_ptr<const FieldSource> source_;
   SampleGrid grid_;
 };
+
+/// The number of directed edges without exactly one opposite. Edges along the outer border of the grid
+/// (a planet that wraps has no first and last column, and none along a pole) are not counted.
+int64_t crack_edges(const SampleGrid& grid, const render::Captured& captured);
 
 /// The deviation at fractional grid coordinates (col, row), clamped to the field.
 double interpolated_deviation(const FieldFrame& frame, const DrawnSurface& surface, const glm::dvec2& place);

@@ -70,7 +70,22 @@ double Measurement::measured_px_max() {
   return kept(px_max_, [&] { return laid_->px_max(); });
 }
 
-const Orientation& Measurement::orientation() {
+std::optional<int64_t> Measurement::hole_samples() {
+  if (!ruler_->has_holes()) return std::nullopt;
+  return laid_->samples().holes;
+}
+
+std::optional<int64_t> Measurement::inverted_triangles() {
+  if (!orientation()) return std::nullopt;
+  return orientation()->inverted;
+}
+
+std::optional<int64_t> Measurement::slanted_filler_triangles() {
+  if (!orientation()) return std::nullopt;
+  return orientation()->slanted_fillers;
+}
+
+const std::optional<Orientation>& Measurement::orientation() {
   return kept(orientation_, [&] { return ruler_->orientation(whole()); });
 }
 

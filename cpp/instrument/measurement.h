@@ -29,6 +29,7 @@ struct Subject {
   render::DrawCall draw;         ///< the cut
   render::DrawCall draw_before;  ///< the cut of the frame before; may be empty
   std::string drawn_by;          ///< for messages
+  NodeBound bound = [](uint32_t) { return 0.0; };
   double predicted_px = kUndefined;
   std::function<double()> optimum_px;          ///< the least that it could be; may take long; may be empty
   std::shared_ptr<const Reference> reference;  ///< null: the columns that compare with it are nan
@@ -52,9 +53,9 @@ class Measurement {
   double measured_px_rms() { return pixels().rms; }
   double measured_max() { return laid_->samples().max; }
   double measured_rms() { return laid_->samples().rms; }
-  int64_t hole_samples() { return laid_->samples().holes; }
+  std::optional<int64_t> hole_samples();
   int64_t measured_samples() { return laid_->samples().samples; }
-  int64_t crack_edges() { return ruler_->crack_edges(whole()); }
+  int64_t crack_edges() { return ruler_->crack_edges(whole(), subject_.bound); }
   double crack_pixels() { return cracks().pixels; }
   double crack_mask_share() { return cracks().mask_share; }
   double capture_mismatch_pixels();
@@ -63,9 +64,13 @@ class Measurement {
   double flip();
   double pop_px_max() { return laid_->jump_px_max(); }
   double pop_area();
-  int64_t inverted_triangles() { return orientation().inverted; }
-  int64_t slanted_filler_triangles() { return orientation().slanted_fillers; }
-  int64_t raised_filler_triangles() { return laid_->raised_fillers(); }
+  std::optional<int64_t> inverted_triangles();
+  std::optional<int64_t> slanted_filler_triangles();
+  std::optional<int64_t> raised_filler_triangles() { return laid_->raised_fillers(); }
+  double measured_max_source_to_drawn() { return laid_->two_sided().max_to_drawn; }
+  double measured_max_drawn_to_source() { return laid_->two_sided().max_to_source; }
+  double measured_rms_source_to_drawn() { return laid_->two_sided().rms_to_drawn; }
+  double measured_rms_drawn_to_source() { return laid_->two_sided().rms_to_source; }
   double drawn_triangles();
 
   const Camera& camera() const { return subject_.camera; }
@@ -81,7 +86,7 @@ class Measurement {
   bool compares();  // with the reference picture
   const PixelError& pixels();
   const CrackPixels& cracks();
-  const Orientation& orientation();
+  const std::optional<Orientation>& orientation();
 
   std::shared_ptr<const Ruler> ruler_;
   std::shared_ptr<const render::FieldResources> resources_;
@@ -91,7 +96,7 @@ class Measurement {
   std::optional<render::Picture> drawn_;
   std::optional<PixelError> pixels_;
   std::optional<CrackPixels> cracks_;
-  std::optional<Orientation> orientation_;
+  std::optional<std::optional<Orientation>> orientation_;
   std::optional<double> px_max_;
 };
 

@@ -61,20 +61,6 @@ std::vector<Triangle> source_triangles(std::span<const glm::dvec3> positions,
 
 double larger(double a, double b) { return std::isnan(a) || b > a ? b : a; }
 
-/// Over vertices inside the frustum. `offset` leads from mesh coordinates to those relative to the eye.
-double vertex_error_px(const WeldedMesh& source, const std::vector<Closest>& drawn, const Camera& camera,
-                       const glm::dvec3& offset) {
-  double worst = kUndefined;
-  for (size_t i = 0; i < drawn.size(); ++i) {
-    const glm::dvec3 sample = source.positions[i] + offset;
-    if (!in_frustum(camera, sample)) continue;
-    const double distance = drawn[i].distance;
-    const bool moved = distance > 0.0 && distance < kInfinite;
-    worst = larger(worst, moved ? screen_distance(camera, sample, drawn[i].point + offset) : distance);
-  }
-  return worst;
-}
-
 PixelError pixel_error(const MeshSurface& drawn, const render::Picture& reference, const Camera& camera,
                        const glm::dvec3& offset) {
   return lodlab::instrument::pixel_error(
@@ -86,6 +72,34 @@ PixelError pixel_error(const MeshSurface& drawn, const render::Picture& referenc
 }
 
 }  // namespace
+
+double vertex_error_px(const WeldedMesh& from, const std::vector<Closest>& there, const Camera& camera,
+                       const glm::dvec3& offset) {
+  double worst = kUndefined;
+  for (size_t i = 0; i < there.size(); ++i) {
+    const glm::dvec3 sample = from.positions[i] + offset;
+    if (!in_frustum(camera, sample)) continue;
+    const double distance = there[i].distance;
+    const bool moved = distance > 0.0 && distance < kInfinite;
+    worst = larger(worst, moved ? screen_distance(camera, sample, there[i].point + offset) : distance);
+  }
+  return worst;
+}
+
+TwoSided two_sided(const MeshSurface& source, const MeshSurface& drawn, const std::vector<Closest>& at_source,
+                   double extent) {
+  TwoSided out;
+  if (drawn.mesh().faces.empty()) {
+    out.max_to_drawn = out.rms_to_drawn = kInfinite;
+    return out;
+  }
+  const int64_t triangles = source.mesh().triangles() + drawn.mesh().triangles();
+  const int64_t most = kMostPieces + kMostPiecesPerTriangle * triangles;
+  const auto there = surface_distance(source.mesh(), at_source, drawn, extent, most);
+  const auto back =
+      surface_distance(drawn.mesh(), closest_to_vertices(drawn.mesh(), source), source, extent, most);
+  return {there.max, there.rms, back.max, back.rms};
+}
 
 MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
                            std::span<const std::array<uint32_t, 3>> faces, std::span<const Triangle> drawn,
@@ -106,19 +120,11 @@ MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
   const MeshSurface source_surface(source), drawn_surface(shown);
   const std::vector<Closest> at_source = closest_to_vertices(source, drawn_surface);
   MeshAccuracy out;
-  if (drawn.empty()) {
-    out.measured_max_source_to_drawn = out.measured_rms_source_to_drawn = kInfinite;
-  } else {
-    const double extent = glm::distance(box.lo, box.hi);
-    const int64_t most = kMostPieces + kMostPiecesPerTriangle * (source.triangles() + shown.triangles());
-    const auto there = surface_distance(source, at_source, drawn_surface, extent, most);
-    const auto back =
-        surface_distance(shown, closest_to_vertices(shown, source_surface), source_surface, extent, most);
-    out.measured_max_source_to_drawn = there.max;
-    out.measured_rms_source_to_drawn = there.rms;
-    out.measured_max_drawn_to_source = back.max;
-    out.measured_rms_drawn_to_source = back.rms;
-  }
+  const TwoSided both = two_sided(source_surface, drawn_surface, at_source, glm::distance(box.lo, box.hi));
+  out.measured_max_source_to_drawn = both.max_to_drawn;
+  out.measured_rms_source_to_drawn = both.rms_to_drawn;
+  out.measured_max_drawn_to_source = both.max_to_source;
+  out.measured_rms_drawn_to_source = both.rms_to_source;
   out.measured_max = larger(out.measured_max_source_to_drawn, out.measured_max_drawn_to_source);
   out.measured_rms = larger(out.measured_rms_source_to_drawn, out.measured_rms_drawn_to_source);
   if (view.camera == nullptr) return out;

@@ -40,6 +40,16 @@ MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
                            std::span<const std::array<uint32_t, 3>> faces, std::span<const Triangle> drawn,
                            const MeshView& view = {});
 
+/// The distances between two surfaces, `at_source` being closest_to_vertices() of the source. `extent`: of
+/// both together. See mesh_distance.h for how maxima are found.
+TwoSided two_sided(const MeshSurface& source, const MeshSurface& drawn, const std::vector<Closest>& at_source,
+                   double extent);
+
+/// The largest screen distance, pixels, from vertices inside the frustum to where they are closest; `offset`
+/// leads from mesh coordinates to those relative to the eye. nan when none is inside.
+double vertex_error_px(const WeldedMesh& from, const std::vector<Closest>& there, const Camera& camera,
+                       const glm::dvec3& offset);
+
 /// Coordinates and their differences fit 32-bit floats, their products doubles.
 inline constexpr double kFarthestMesh = 1e36;
 

@@ -11,6 +11,7 @@
 #include <functional>
 #include <glm/glm.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -41,12 +42,14 @@ class Laid {
 
   /// Without projection: the whole cut.
   virtual const SampleError& samples() = 0;
+  /// Both directions by themselves; nan where the source knows one only.
+  virtual TwoSided two_sided() { return {}; }
   /// The largest screen distance, pixels, from a sample in view to its correspondent; inf at a hole.
   virtual double px_max() = 0;
   /// The largest screen distance, pixels, by which samples in view jump from the cut before to this one.
   virtual double jump_px_max() = 0;
   virtual std::vector<NodeError> node_errors() = 0;
-  virtual int64_t raised_fillers() = 0;
+  virtual std::optional<int64_t> raised_fillers() = 0;
 
   /// From points of the source to the drawn surface.
   virtual Correspondence to_drawn() = 0;
@@ -55,6 +58,8 @@ class Laid {
   /// From points of the drawn surface to the source.
   virtual Correspondence to_source() = 0;
 };
+
+using NodeBound = std::function<double(uint32_t node)>;  ///< source units
 
 class Ruler {
  public:
@@ -65,9 +70,13 @@ class Ruler {
   /// finite, naming method and node.
   virtual std::unique_ptr<Laid> lay(Shown shown) const = 0;
 
-  /// Directed edges without exactly one opposite, those on the source's own border left out.
-  virtual int64_t crack_edges(const render::Captured& captured) const = 0;
-  virtual Orientation orientation(const render::Captured& captured) const = 0;
+  /// Whether a sample may have no correspondent: what is missing shows as a hole there.
+  virtual bool has_holes() const = 0;
+  /// Directed edges without exactly one opposite, those on the source's own border left out. `bound`: how far
+  /// a node's surface may be from the source, which moves that border.
+  virtual int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const = 0;
+  /// Nothing where the source has no up.
+  virtual std::optional<Orientation> orientation(const render::Captured& captured) const = 0;
   /// Whether the drawn surface leaves the eye free, so that its inside is seen through cracks alone.
   virtual bool stands_free(const render::Captured& captured, const Camera& camera) const = 0;
   /// Whether pictures of classes show voids as filled.

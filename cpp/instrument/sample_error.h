@@ -22,6 +22,13 @@ struct SampleError {
   int64_t samples = 0;  ///< non-void samples, holes included
 };
 
+/// Of surfaces that correspond by their closest points, from one to the other; source units.
+struct TwoSided {
+  double max_to_drawn = kUndefined,
+         rms_to_drawn = kUndefined;  ///< from the source; inf where nothing is drawn
+  double max_to_source = kUndefined, rms_to_source = kUndefined;  ///< from what is drawn
+};
+
 /// Without projection: the whole cut.
 SampleError sample_error(const HeightField& field, const DrawnSurface& surface);
 

@@ -6,7 +6,6 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
-#include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
 #include "instrument/field_ruler.h"
 #include "instrument/orientation.h"

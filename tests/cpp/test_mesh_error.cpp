@@ -182,7 +182,8 @@ TEST_CASE("closest point of one triangle: inside, edge, corner; of a segment and
 
 TEST_CASE("the closest triangle is never lost to floats: brute force over every triangle") {
   for (const double size : {1e-12, 1.0, 3e7}) {
-    const WeldedMesh mesh = weld(moved(random_soup(300, 1), [&](const glm::dvec3& p) { return size * p; }), {});
+    const WeldedMesh mesh =
+        weld(moved(random_soup(300, 1), [&](const glm::dvec3& p) { return size * p; }), {});
     const MeshSurface surface(mesh);
     std::mt19937 engine(7);
     std::normal_distribution<double> normal;

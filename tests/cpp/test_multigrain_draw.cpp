@@ -9,8 +9,8 @@
 #include <set>
 
 #include "base/errors.h"
-#include "instrument/crack_edges.h"
 #include "instrument/drawn_surface.h"
+#include "instrument/field_ruler.h"
 #include "instrument/orientation.h"
 #include "instrument/sample_error.h"
 #include "instrument/slack.h"

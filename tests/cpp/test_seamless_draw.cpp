@@ -7,7 +7,7 @@
 #include <cstring>
 #include <random>
 
-#include "instrument/crack_edges.h"
+#include "instrument/field_ruler.h"
 #include "instrument/orientation.h"
 #include "instrument/sample_grid.h"
 #include "methods/seamless/hierarchy.h"

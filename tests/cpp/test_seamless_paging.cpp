@@ -6,7 +6,7 @@
 #include <set>
 
 #include "base/errors.h"
-#include "instrument/crack_edges.h"
+#include "instrument/field_ruler.h"
 #include "instrument/sample_grid.h"
 #include "methods/seamless/paging.h"
 #include "render/frame.h"
