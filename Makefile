@@ -2,7 +2,7 @@
 #   make setup      system packages where missing, .venv, editable install, incremental build
 #   make demo       all methods beside full over the relief of the Earth, ends with the path of the report
 #   make test       C++ tests, then Python tests; skips are listed by reason
-#   make lint       ruff, clang-format, and a build in which compiler warnings are errors
+#   make lint       ruff, import-linter, clang-format, and a build in which compiler warnings are errors
 #   make format     apply ruff's and clang-format's formatting
 #   make notebooks  the notebooks at full scale, into runs/notebooks
 #   make bench      all benchmarks against benchmarks/bars.toml
@@ -32,6 +32,7 @@ test: setup
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
+	.venv/bin/lint-imports --no-logo --no-cache
 	.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 	if [ "$${LODLAB_WERROR:-OFF}" != ON ]; then \
 	  cmake -S . -B build/lint -G Ninja -DLODLAB_WERROR=ON -DPython_EXECUTABLE=$$PWD/$(PYTHON_VENV) \

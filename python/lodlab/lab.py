@@ -29,7 +29,7 @@ from .runs.run import Run, load
 from .runs.sweep import Sweep
 from .runs.toml import read_config
 from .runs.workshop import Workshop, check_tasks, enter_flight, hashes_of, make_all, take_in
-from .sources.spec import as_source
+from .sources.datasets import as_source
 from .stores.methods import method_table
 from .stores.store import Store, as_store
 

@@ -28,8 +28,8 @@ import numpy as np
 from .. import _core, disk
 from ..errors import InvalidInput
 from ..paths.path import CameraPath, make_path
+from ..sources.datasets import as_source
 from ..sources.heightfield import HeightField
-from ..sources.spec import as_source
 from ..stores.build import store_for
 from ..stores.methods import check_accepts, method_table, options_of, still
 from ..stores.store import Store, open

@@ -21,8 +21,8 @@ from ..errors import InvalidInput, StoreError
 from ..paths.path import CameraPath, poses_hash
 from ..paths.terrain import BUILT_IN
 from ..sources.base import Source
+from ..sources.datasets import as_source
 from ..sources.heightfield import HeightField
-from ..sources.spec import as_source
 from .directory import RunDirectory
 from .toml import toml_text
 

@@ -25,6 +25,7 @@ from ..instrument.yardstick import Yardstick, look_of
 from ..paths.path import CameraPath, make_path, poses_hash
 from ..paths.terrain import BUILT_IN
 from ..sources.base import Source
+from ..sources.datasets import DATASETS
 from ..sources.spec import parse
 from ..stores.build import store_for
 from ..stores.methods import check_accepts
@@ -218,7 +219,7 @@ def take_in(
 
 def _portable(text: str, field: Source) -> str:
     """A SOURCE text that holds in any folder; a data set's stays as it was written."""
-    return field.spec if field.spec and parse(text).is_file else text
+    return field.spec if field.spec and parse(text, DATASETS).is_file else text
 
 
 def hashes_of(tasks: Sequence[Task], workshop: Workshop) -> list[dict[str, str]]:

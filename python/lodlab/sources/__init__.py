@@ -2,8 +2,9 @@
 """What is looked at: height fields, in memory and read by windows; their files, data sets and SOURCE texts."""
 
 from .base import FieldSource, Source
+from .datasets import as_source, load
 from .heightfield import HeightField
-from .spec import SourceSpec, as_source, data_folder, find_file, load, parse
+from .spec import SourceSpec, data_folder, find_file
 
 __all__ = [
     "FieldSource",
@@ -14,5 +15,4 @@ __all__ = [
     "data_folder",
     "find_file",
     "load",
-    "parse",
 ]

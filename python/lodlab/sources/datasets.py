@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Terrains that need no file of the user's: `jacksboro` and `earth` (real), `fractal` (generated)."""
+"""Terrains that need no file of the user's: `jacksboro` and `earth` (real), `fractal` (generated); and the way from
+what a user names to a source."""
 
 from __future__ import annotations
 
@@ -13,10 +14,11 @@ import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput
-from .base import FieldSource
+from .base import Source
 from .frames import DEFAULT_SPACING, make_frame, positive
-from .heightfield import HeightField, format_spec, window_samples
+from .heightfield import HeightField, window_samples
 from .placement import metres_per_degree
+from .spec import format_spec, parse
 from .windowed import FractalReader, WindowedHeightField
 
 
@@ -120,7 +122,7 @@ def _fractal(
         scale = positive("vertical_scale", vertical_scale)
         frame, _ = make_frame((size, size), spacing)
         return WindowedHeightField(
-            FractalReader(seed, roughness, scale), frame, "fractal", format_spec("fractal", keys)
+            FractalReader(seed, roughness, scale), frame, "fractal", format_spec("fractal", keys), held=HeightField
         )
     return HeightField(
         fractal_window(size, size, seed=seed, roughness=roughness),
@@ -168,11 +170,26 @@ DATASETS: dict[str, Dataset] = {
 }
 
 
-def load(source: str | os.PathLike[str]) -> FieldSource:
-    """The height field of a SOURCE text: a data set's name or a file, with keys as `earth:planet=true`."""
-    from . import spec
+def load(source: str | os.PathLike[str]) -> Source:
+    """The source of a SOURCE text: a data set's name or a file, with keys as `earth:planet=true`. Its `.spec` loads it
+    again from any directory."""
+    spec = parse(source, DATASETS)
+    if not spec.is_file:
+        return DATASETS[spec.name].make(**spec.keys)
+    return HeightField.open(spec.name, **spec.keys)
 
-    return spec.load(source)
+
+def as_source(source: Any) -> Source:
+    """A height field as it is; a SOURCE text or path loaded; an array with 30 m spacing."""
+    if isinstance(source, Source):
+        return source
+    if isinstance(source, (str, os.PathLike)):
+        return load(source)
+    if isinstance(source, np.ndarray):
+        return HeightField(source)
+    what = type(source).__name__
+    cure = "; its source is store.source" if what == "Store" else ""
+    raise InvalidInput(f"source: {what} is no height field, SOURCE text, path or array{cure}")
 
 
 def list() -> list[dict[str, Any]]:  # noqa: A001 - reads as lodlab.datasets.list()

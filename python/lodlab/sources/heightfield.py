@@ -20,13 +20,13 @@ from .. import _core
 from ..errors import InvalidInput
 from .base import FieldSource
 from .frames import EARTH_RADIUS, finite, flat_place, make_frame, planet_place, positive, unplaced
-from .plausible import Rounding, Slopes, check_heights, marked
+from .plausible import Rounding, Slopes, check_heights
 from .raster import Raster, absolute, open_raster, title
+from .samples import as_array, check_array, check_finite, height_step, to_float32, valid_mask
+from .spec import format_spec
+from .windowed import RasterReader, WindowedHeightField
 
-MAX_SAMPLES = 2**31
 WINDOW_SAMPLES = 64_000_000
-EXACT_IN_FLOAT32 = 2**24
-_ROWS = 256  # that are computed in double together
 
 
 def window_samples() -> int:
@@ -37,23 +37,6 @@ def window_samples() -> int:
     return int(text) if text else WINDOW_SAMPLES
 
 
-def _text(value: Any) -> str:
-    """A key's value as SOURCE text that reads back the same."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (tuple, list, np.ndarray)):
-        return "/".join(_text(v) for v in value)
-    if isinstance(value, (float, np.floating)):
-        return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
-    return str(value)
-
-
-def format_spec(name: str, keys: dict[str, Any]) -> str:
-    """SOURCE text of a name or file and its keys; keys that are None are left out."""
-    given = [f"{key}={_text(value)}" for key, value in keys.items() if value is not None]
-    return f"{name}:{','.join(given)}" if given else name
-
-
 def _nodata(value: Any) -> tuple[float, ...]:
     """The marks of voids."""
     several = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str)
@@ -61,60 +44,6 @@ def _nodata(value: Any) -> tuple[float, ...]:
         return () if value is None else tuple(map(float, value if several else (value,)))
     except (TypeError, ValueError):
         raise InvalidInput(f"height field: nodata {value!r} is not a number") from None
-
-
-def _as_array(values: Any, name: str) -> np.ndarray:
-    """What the caller gave as an array; rows of different lengths are no array."""
-    try:
-        return np.asarray(values)
-    except ValueError as error:
-        raise InvalidInput(f"height field: {name} is no array: {error}") from None
-
-
-def _check_array(array: np.ndarray, name: str) -> None:
-    if array.dtype.kind not in "iuf":
-        raise InvalidInput(f"height field: {name} has dtype {array.dtype}; real numbers are needed")
-    if array.ndim != 2:
-        raise InvalidInput(f"height field: {name} has {array.ndim} dimensions, shape {array.shape}; 2 are needed")
-    if min(array.shape) < 2:
-        raise InvalidInput(f"height field: {name} has shape {array.shape}; at least 2 x 2 samples are needed")
-    if array.shape[0] * array.shape[1] > MAX_SAMPLES:
-        raise InvalidInput(f"height field: {name} has shape {array.shape}: more than 2^31 samples")
-
-
-def _valid_mask(array: np.ndarray, marks: tuple[float, ...], given: np.ndarray | None) -> np.ndarray | None:
-    """(H, W) bool, or None when every sample is real."""
-    void = np.isnan(array) if array.dtype.kind == "f" else None
-    for mark in marks:
-        if (here := marked(array, mark)) is not None:
-            void = here if void is None else void | here
-    if given is not None:
-        void = ~given if void is None else void | ~given
-    return ~void if void is not None and void.any() else None
-
-
-def _to_float32(array: np.ndarray, scale: float, offset: float) -> np.ndarray:
-    """array * scale + offset, computed in double and rounded once, as C-contiguous float32."""
-    out = np.empty(array.shape, np.float32)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if scale == 1.0 and offset == 0.0:
-            np.copyto(out, array, casting="unsafe")
-        elif offset == 0.0:
-            np.multiply(array, scale, out=out, dtype=np.float64, casting="unsafe")
-        else:
-            for row in range(0, len(array), _ROWS):
-                out[row : row + _ROWS] = array[row : row + _ROWS].astype(np.float64) * scale + offset
-    return out
-
-
-def _height_step(array: np.ndarray, valid: np.ndarray | None, scale: float, offset: float) -> float:
-    """The step of integer heights: all real samples are whole multiples of it. 0: unknown."""
-    if array.dtype.kind == "f" or offset != 0.0:
-        return 0.0
-    where = True if valid is None else valid
-    low = int(np.min(array, where=where, initial=np.iinfo(array.dtype).max))
-    high = int(np.max(array, where=where, initial=np.iinfo(array.dtype).min))
-    return abs(scale) if max(abs(low), abs(high)) <= EXACT_IN_FLOAT32 else 0.0
 
 
 class HeightField(FieldSource):
@@ -165,9 +94,9 @@ class HeightField(FieldSource):
         if isinstance(array, np.ma.MaskedArray):
             given = ~np.ma.getmaskarray(array)
             array = array.data
-        array = _as_array(array, name)
+        array = as_array(array, name)
         marks = _nodata(nodata)
-        _check_array(array, name)
+        check_array(array, name)
         scale = vertical_scale = positive("vertical_scale", vertical_scale)
         offset = finite("offset", offset) * scale
         if raster is not None:
@@ -175,17 +104,17 @@ class HeightField(FieldSource):
         frame, columns = make_frame(array.shape, spacing, planet, radius, origin, degrees)
         array = array[:, :columns]
         given = None if given is None else given[:, :columns]
-        valid = _valid_mask(array, marks, given)
+        valid = valid_mask(array, marks, given)
         if valid is not None and not valid.any():
             raise InvalidInput(f"height field: all {array.size} samples of {name} are void")
-        heights = _to_float32(array, scale, offset)
+        heights = to_float32(array, scale, offset)
         if raster is not None:
             check_heights(heights, valid, array, raster.place.path, raster.declares)
-        _check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
+        check_finite(heights, valid, array, name, "" if scale == 1.0 else f" times vertical_scale {scale:g}")
         rounding = Rounding()
         rounding.add(array, heights, valid, scale, offset)
         rounding.warn(name, vertical_scale)
-        frame["height_step"] = _height_step(array, valid, scale, offset)
+        frame["height_step"] = height_step(array, valid, scale, offset)
         mask = None
         if valid is not None:
             mask = np.ascontiguousarray(valid).view(np.uint8)
@@ -263,12 +192,10 @@ class HeightField(FieldSource):
         name = name or title(text)
         spec = format_spec(dataset or (text if absolute(text) else os.path.abspath(text)), keys)
         if not isinstance(raster.samples, np.ndarray):
-            from .windowed import RasterReader, WindowedHeightField
-
             frame, cols = make_frame(raster.samples.shape, planet=planet, radius=radius, **placed)
             scaling = _scaling(raster, vertical_scale, offset * vertical_scale)
             reader = RasterReader(raster, cols, nodata is None and encoding is None, scaling, vertical_scale)
-            return WindowedHeightField(reader, frame, name, spec, place.used())
+            return WindowedHeightField(reader, frame, name, spec, place.used(), held=cls)
         field = cls(
             raster.samples,
             vertical_scale=vertical_scale,
@@ -371,13 +298,3 @@ def _scaling(raster: Raster, vertical_scale: float, offset: float) -> tuple[floa
         )
     scale = vertical_scale * (raster.scale * raster.place.vertical)
     return scale, raster.offset / raster.scale * scale + offset
-
-
-def _check_finite(heights: np.ndarray, valid: np.ndarray | None, array: np.ndarray, name: str, scaled: str) -> None:
-    bad = np.isinf(heights) if valid is None else np.isinf(heights) & valid
-    if bad.any():
-        row, col = np.unravel_index(int(np.argmax(bad)), bad.shape)
-        raise InvalidInput(
-            f"height field: {name} has height {array[row, col]} at row {row}, column {col}{scaled}; "
-            "heights are finite and fit float32"
-        )

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core
+from ..disk import is_store
 from ..errors import InvalidInput
 from .placement import Placement, place_of, vertical_of
 from .plausible import guess_nodata
@@ -259,8 +260,6 @@ def open_raster(
 
 
 def _refuse_store(path: str) -> None:
-    from ..disk import is_store
-
     if is_store(path):
         raise InvalidInput(f"open {path}: it is a store, not a source; lodlab info {path} says which it was built from")
 

@@ -9,7 +9,7 @@ the folder of further data (`LODLAB_DATA`, default `../shared/data` beside the r
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from .base import Source
-from .heightfield import HeightField
 from .raster import absolute
-
-__all__ = ["HeightField", "SourceSpec", "as_source", "data_folder", "find_file", "load", "parse"]
 
 
 def data_folder() -> Path | None:
@@ -134,24 +130,23 @@ def _read_keys(text: str, tail: str, known: Iterable[str], owner: str) -> dict[s
     return out
 
 
-def parse(text: str | os.PathLike[str]) -> SourceSpec:
-    """Reads a SOURCE text. InvalidInput lists the known keys, or the known data sets."""
-    from .datasets import DATASETS
-
+def parse(text: str | os.PathLike[str], datasets: Mapping[str, Any]) -> SourceSpec:
+    """Reads a SOURCE text; `datasets`: those known by name, each with its `keys`. InvalidInput lists the known keys, or
+    the known data sets."""
     if not isinstance(text, (str, os.PathLike)):
         raise InvalidInput(f"source: {type(text).__name__} is no SOURCE text or path")
     text = os.fsdecode(text)
     if not text.strip():
         raise InvalidInput("source '': it names neither a file nor a data set")
     path = find_file(text)
-    if path is not None and (os.path.isfile(path) or text not in DATASETS):
+    if path is not None and (os.path.isfile(path) or text not in datasets):
         return SourceSpec(os.path.abspath(path), True)
     head, colon, tail = text.rpartition(":")
     if not colon:
         head, tail = text, ""
-    if head in DATASETS:
+    if head in datasets:
         owner = f"'{head}'"
-        return SourceSpec(head, False, _read_keys(text, tail, DATASETS[head].keys, owner) if colon else {})
+        return SourceSpec(head, False, _read_keys(text, tail, datasets[head].keys, owner) if colon else {})
     keyed = bool(colon) and all("=" in part for part in tail.split(","))
     name = head if keyed else text
     if (inside := absolute(name, find_file)) is not None:
@@ -161,34 +156,28 @@ def parse(text: str | os.PathLike[str]) -> SourceSpec:
     folder = data_folder()
     where = f"the working directory or {folder}" if folder is not None else "the working directory"
     raise InvalidInput(
-        f"source '{text}': '{name}' is neither a file in {where} nor one of the data sets {', '.join(DATASETS)}"
+        f"source '{text}': '{name}' is neither a file in {where} nor one of the data sets {', '.join(datasets)}"
     )
-
-
-def load(text: str | os.PathLike[str]) -> Source:
-    """The height field that a SOURCE text names. Its `.spec` loads it again from any directory."""
-    from .datasets import DATASETS
-
-    spec = parse(text)
-    if not spec.is_file:
-        return DATASETS[spec.name].make(**spec.keys)
-    return HeightField.open(spec.name, **spec.keys)
-
-
-def as_source(source: Any) -> Source:
-    """A height field as it is; a SOURCE text or path loaded; an array with 30 m spacing."""
-    if isinstance(source, Source):
-        return source
-    if isinstance(source, (str, os.PathLike)):
-        return load(source)
-    if isinstance(source, np.ndarray):
-        return HeightField(source)
-    what = type(source).__name__
-    cure = "; its source is store.source" if what == "Store" else ""
-    raise InvalidInput(f"source: {what} is no height field, SOURCE text, path or array{cure}")
 
 
 def short_source(text: str) -> str:
     """A SOURCE text for people: of a file, its name without the folders, keys kept."""
     head, colon, keys = text.partition(":")
     return os.path.basename(head) + colon + keys
+
+
+def _text(value: Any) -> str:
+    """A key's value as SOURCE text that reads back the same."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return "/".join(_text(v) for v in value)
+    if isinstance(value, (float, np.floating)):
+        return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+    return str(value)
+
+
+def format_spec(name: str, keys: dict[str, Any]) -> str:
+    """SOURCE text of a name or file and its keys; keys that are None are left out."""
+    given = [f"{key}={_text(value)}" for key, value in keys.items() if value is not None]
+    return f"{name}:{','.join(given)}" if given else name

@@ -19,9 +19,9 @@ from .. import _core
 from ..errors import InvalidInput
 from .base import FieldSource
 from .frames import unplaced
-from .heightfield import EXACT_IN_FLOAT32, HeightField, _to_float32, _valid_mask
 from .plausible import MARKS, Rounding, Slopes, check_heights, extremes, outlying
 from .raster import Raster
+from .samples import EXACT_IN_FLOAT32, to_float32, valid_mask
 
 _SIDE = 256  # of the patches that are kept
 _PATCHES = 64
@@ -49,12 +49,21 @@ class WindowedHeightField(FieldSource):
     windowed = True
 
     def __init__(
-        self, reader: Reader, frame: dict[str, Any], name: str, spec: str, used: dict[str, str] | None = None
+        self,
+        reader: Reader,
+        frame: dict[str, Any],
+        name: str,
+        spec: str,
+        used: dict[str, str] | None = None,
+        *,
+        held: type[FieldSource],
     ) -> None:
+        """`held`: the class of the same field in memory."""
         self.used = used or {}
         self._reader = reader
         self._frame = frame
         self._spec = spec
+        self._held = held
         self._surveyed: Any = None
         self.name = name
 
@@ -72,12 +81,12 @@ class WindowedHeightField(FieldSource):
         """The native windowed field; every sample is read when it is first asked for."""
         return self._core
 
-    def loaded(self) -> HeightField:
+    def loaded(self) -> FieldSource:
         """The same field in memory."""
         frame = {k: v for k, v in self._core.frame().items() if k not in ("rows", "cols", "z_min", "z_max")}
         heights, mask = self._reader.window(0, 0, *self.shape)
         state = {"arrays": (heights, mask), "frame": frame, "spec": self._spec, "name": self.name, "used": self.used}
-        field = HeightField.__new__(HeightField)
+        field = self._held.__new__(self._held)
         field.__setstate__(state)
         return field
 
@@ -132,7 +141,7 @@ class WindowedHeightField(FieldSource):
     def __getstate__(self) -> dict[str, Any]:
         """What a worker process needs to read the same field."""
         state = {"reader": self._reader, "frame": self._frame, "spec": self._spec}
-        return state | {"name": self.name, "used": self.used}
+        return state | {"name": self.name, "used": self.used, "held": self._held}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)
@@ -236,8 +245,8 @@ class RasterReader:
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Heights, anything in voids, and the mask, None without voids. `look` sees samples, heights, mask, row."""
         samples, given = self._source.read(row, col, rows, cols)
-        valid = _valid_mask(samples, self._marks, given)
-        heights = _to_float32(samples, self._scale, self._offset)
+        valid = valid_mask(samples, self._marks, given)
+        heights = to_float32(samples, self._scale, self._offset)
         look(samples, heights, valid, row)
         return heights, None if valid is None else np.ascontiguousarray(valid).view(np.uint8)
 
@@ -305,7 +314,7 @@ class RasterReader:
         step = max(1, _STRIP // self._cols)
         for row in range(0, self._source.shape[0], step):
             samples, given = self._source.read(row, 0, min(step, self._source.shape[0] - row), self._cols)
-            yield samples, _valid_mask(samples, self._marks, given)
+            yield samples, valid_mask(samples, self._marks, given)
 
     def _exact(self) -> bool:
         """Whether 32-bit floats hold all its integers; reads them all where their type does not say it."""

@@ -12,7 +12,7 @@ from .. import _core, disk
 from ..disk import attribute_hash
 from ..errors import StoreError
 from ..sources.base import Source
-from ..sources.spec import as_source
+from ..sources.datasets import as_source
 from .methods import method_table
 from .store import Store, open
 

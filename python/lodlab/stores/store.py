@@ -19,7 +19,7 @@ from .. import _core
 from ..disk import is_store
 from ..errors import InvalidInput, StoreError
 from ..sources.base import Source
-from ..sources.spec import as_source, load
+from ..sources.datasets import as_source, load
 from .session import Cut, Frame, Session, checked_cut
 
 _PASS = "pass it (source=SOURCE), or measure nothing (accuracy_frames=0)"
