@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The commands that end in a verdict: calibrate, stability, fit, check, and the audit of a store. Status 1 when one
-does not hold. Part of the command line (`cli`), in a file of their own for its length."""
+"""The commands that end in a verdict: bench, calibrate, stability, fit, check, and the audit of a store. Status 1 when
+one does not hold."""
 
 from __future__ import annotations
 
@@ -35,19 +35,7 @@ from .arguments import (
     size_of,
 )
 
-
-def add_to(app: typer.Typer) -> None:
-    """Adds the commands of this file."""
-    app.command("calibrate", epilog="Example: lodlab calibrate --json")(calibrate)
-    app.command("stability", epilog="Example: lodlab stability --out runs/stability --methods chunked --short")(
-        stability
-    )
-    app.command("fit", epilog="Example: lodlab fit jacksboro chunked s.lod --path flyover --pixel-error 1")(fit)
-    app.command(
-        "check",
-        help=f"{inspect.cleandoc(check.__doc__)}\n\n\b\n{columns.listing()}",
-        epilog="Example: lodlab check runs/demo --max measured_px_max=8 --max hole_samples=0",
-    )(check)
+commands = typer.Typer()
 
 
 def fail(lines: Sequence[str], most: int = 20) -> None:
@@ -58,6 +46,33 @@ def fail(lines: Sequence[str], most: int = 20) -> None:
     raise typer.Exit(1)
 
 
+@commands.command("bench", epilog="Example: lodlab bench draw --json")
+def bench_command(
+    name: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks [default: all].")] = None,
+    json_: Json = False,
+    list_: Annotated[bool, typer.Option("--list", help="Name the benchmarks.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Status 1 when one falls short of its bar.")] = False,
+) -> None:
+    """Benchmarks, each beside a reference.
+
+    The reference is measured in the same process, interleaved.
+    """
+    from ..bench import suite
+
+    if list_:
+        for key, text in suite.names().items():
+            typer.echo(f"{key}: {text}")
+        return
+    records = suite.run(name, say=lambda text: typer.echo(text, err=True))
+    typer.echo(suite.to_json(records) if json_ else suite.table(records))
+    failures = suite.check(records) if check else []
+    for line in failures:
+        typer.echo(f"error: bench: {line}", err=True)
+    if failures:
+        raise typer.Exit(1)
+
+
+@commands.command(epilog="Example: lodlab calibrate --json")
 def calibrate(json_: Json = False) -> None:
     """The instrument against cases known on paper.
 
@@ -84,6 +99,7 @@ def calibrate(json_: Json = False) -> None:
         typer.echo(f"{len(rows)} cases of {rows['metric'].nunique()} metrics: all within tolerance")
 
 
+@commands.command(epilog="Example: lodlab stability --out runs/stability --methods chunked --short")
 def stability(
     out: OutFolder,
     methods: Annotated[str | None, typer.Option("--methods", metavar="A,B", help="[default: all]")] = None,
@@ -123,6 +139,7 @@ def stability(
         ])  # fmt: skip
 
 
+@commands.command(epilog="Example: lodlab fit jacksboro chunked s.lod --path flyover --pixel-error 1")
 def fit(
     source: SourceText,
     method: Method,
@@ -218,6 +235,12 @@ def check(
     if violations:
         fail([f"check: {violation}" for violation in violations])
     typer.echo(f"{run}: {len(high) + len(low)} limits hold")
+
+
+commands.command(
+    help=f"{inspect.cleandoc(check.__doc__)}\n\n\b\n{columns.listing()}",
+    epilog="Example: lodlab check runs/demo --max measured_px_max=8 --max hole_samples=0",
+)(check)
 
 
 def print_audit(audit: Any, json_: bool) -> None:

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT
+"""The commands that draw one view or one path: render, export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import _core, pictures
+from ..errors import InvalidInput, check_one_of
+from ..stores.session import SHOWS
+from .arguments import (
+    At,
+    Device,
+    Fov,
+    Frames,
+    Nodes,
+    OptionTexts,
+    PathText,
+    PixelError,
+    Size,
+    SourceOption,
+    StoreFile,
+    Triangles,
+    budget_from,
+    completing,
+    options_from,
+    size_of,
+)
+from .build import open_store
+
+commands = typer.Typer()
+
+
+def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -> tuple[Any, Any]:
+    """(session, budget) that draw with all data; 1 px where no budget is given."""
+    from ..runs.flight import check_budget
+    from ..stores.methods import still
+
+    checked = check_budget(store.method, budget or {"pixel_error": 1.0})
+    return store.session(**still(store.method, options)), checked
+
+
+def one_cut(
+    store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
+) -> tuple[Any, Any, Any]:
+    """(session, cut, view) of one spot on a path."""
+    from ..paths.path import make_path
+
+    if not 0.0 <= at <= 1.0:
+        raise InvalidInput(f"at: {at} is not within 0 to 1")
+    view = make_path(path, store.source, 2, fov).view_at(at, size_of(size), fov)
+    session, checked = still_session(store, budget, options)
+    return session, session.select(view, checked), view
+
+
+@commands.command(epilog="Example: lodlab render jacksboro.lod picture.png --at 0.5 --pixel-error 2 --show level")
+def render(
+    store: StoreFile,
+    picture: Annotated[Path | None, typer.Argument(metavar="[OUT.png]", help="The picture to write.")] = None,
+    video: Annotated[
+        Path | None, typer.Option("--video", metavar="OUT.mp4|.gif", help="Write the whole path instead.")
+    ] = None,
+    frames: Frames = 120,
+    fps: Annotated[float, typer.Option("--fps", metavar="F", help="Of --video: frames a second, 1 to 100.")] = 30.0,
+    at: At = 0.5,
+    path: PathText = "flyover",
+    size: Size = "1280x720",
+    fov: Fov = None,
+    pixel_error: PixelError = None,
+    triangles: Triangles = None,
+    nodes: Nodes = None,
+    option: OptionTexts = None,
+    show: Annotated[
+        str,
+        typer.Option(
+            "--show",
+            metavar="shade|level|error|wire|normal",
+            help="What to show.",
+            autocompletion=completing(lambda: (*SHOWS, "error")),
+        ),
+    ] = "shade",
+    device: Device = None,
+    source: SourceOption = None,
+) -> None:
+    """One picture of a store, or a whole path as a moving one.
+
+    Of one view on a path, or with --video of --frames views along it; 1 px where no budget is given. `--show error`
+    colours the surface by its measured error.
+    """
+    from .. import movies
+
+    if (picture is None) == (video is None):
+        raise InvalidInput("render: name a picture (OUT.png) or --video OUT.mp4 or .gif, one of both")
+    check_one_of("render: show", show, (*SHOWS, "error"))
+    if video is None:
+        pictures.check_name(picture)
+    else:
+        movies.check_name(video)
+        movies.check_fps(fps)
+    choose(device)
+    opened = open_store(store, source)
+    budget = budget_from(pixel_error, triangles, nodes)
+    instrument = _core.Instrument(opened.source.core) if show == "error" else None
+
+    def drawn(session: Any, cut: Any, view: Any) -> Any:
+        if instrument is None:
+            return session.draw(cut, view, show).image
+        measured = instrument.examine(session.core, cut.core, view)
+        return pictures.error_picture(measured.image, measured.error_px())
+
+    if video is not None:
+        from ..paths.path import make_path
+
+        track = make_path(path, opened.source, frames, fov)
+        session, checked = still_session(opened, budget, options_from(option))
+        views = track.views(size_of(size), fov)
+        movies.save(video, (drawn(session, session.select(view, checked), view) for view in views), fps)
+        typer.echo(f"{video}: {len(track)} frames, {len(track) / fps:.3g} s")
+        return
+    session, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    pictures.save(picture, drawn(session, cut, view))
+    typer.echo(
+        f"{picture}: {cut.visible_nodes} nodes, {cut.triangles:,} triangles, predicted {cut.predicted_px:.3g} px"
+    )
+
+
+@commands.command(epilog="Example: lodlab export jacksboro.lod mesh.ply --at 0.5 --triangles 50000")
+def export(
+    store: StoreFile,
+    mesh: Annotated[Path, typer.Argument(metavar="OUT.ply|.glb|.obj", help="The mesh to write.")],
+    at: At = 0.5,
+    path: PathText = "flyover",
+    size: Size = "1280x720",
+    fov: Fov = None,
+    pixel_error: PixelError = None,
+    triangles: Triangles = None,
+    nodes: Nodes = None,
+    option: OptionTexts = None,
+    device: Device = None,
+    source: SourceOption = None,
+) -> None:
+    """The cut of one view as a mesh.
+
+    An indexed mesh in source coordinates, with normals, and colours where the store has them; .glb is turned by its
+    node so that y is up. Fillers (skirts) are left out. 1 px where no budget is given.
+    """
+    from ..stores.export import about, check_name, save
+
+    check_name(mesh)
+    choose(device)
+    opened = open_store(store, source)
+    budget = budget_from(pixel_error, triangles, nodes)
+    _, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    made = cut.to_trimesh(view)
+    save(mesh, made, about(opened, cut, budget or {"pixel_error": 1.0}))
+    typer.echo(f"{mesh}: {len(made.vertices):,} vertices, {len(made.faces):,} triangles")
+
+
+def choose(device: str | None) -> None:
+    """Takes the device that --device names."""
+    if device:
+        _core.choose_device(device)
