@@ -18,7 +18,7 @@ from ..runs.provenance import commit, machine, version
 from ..sources.heightfield import window_samples
 from ..sources.spec import data_folder
 
-PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "scipy", "tqdm", "trimesh", "typer")
+PACKAGES = ("numpy", "pandas", "matplotlib", "pillow", "rasterio", "scipy", "tomli-w", "tqdm", "trimesh", "typer")
 
 
 @dataclass(frozen=True)
