@@ -317,17 +317,26 @@ class MethodContract:
     def test_still_camera_has_a_fixed_cut(self, made: Measured) -> None:
         session, view = made.session(), over(made.field, height=0.1)
         budget = _core.Budget(pixel_error=2.0)
-        first = session.select(view, budget)
+        first = session.digest(session.select(view, budget))
         for _ in range(20):
-            assert np.array_equal(session.select(view, budget).nodes, first.nodes)
+            assert session.digest(session.select(view, budget)) == first
 
     def test_history_does_not_matter(self, made: Measured) -> None:
         session, here = made.session(), over(made.field, height=0.1)
         budget = _core.Budget(pixel_error=1.0)
-        wanted = made.session().select(here, budget).nodes
+        wanted = session.digest(made.session().select(here, budget))
         for height in (3.0, 0.01, 0.5):
             session.select(over(made.field, height=height), budget)
-            assert np.array_equal(session.select(here, budget).nodes, wanted)
+            assert session.digest(session.select(here, budget)) == wanted
+
+    def test_equal_digests_draw_the_same(self, made: Measured) -> None:
+        """Cuts of equal digests emit the same triangles."""
+        session, view = made.session(), over(made.field)
+        drawn: dict[str, bytes] = {}
+        for height, pixel_error in ((0.4, 0.25), (0.4, 0.25), (0.4, self.loose), (0.4, 50.0), (0.02, self.loose)):
+            cut = session.select(over(made.field, height=height), _core.Budget(pixel_error=pixel_error))
+            triangles = session.capture(cut, view).triangles.tobytes()
+            assert drawn.setdefault(session.digest(cut), triangles) == triangles
 
     # Coverage, cuts by hand
 

@@ -51,9 +51,13 @@ py::tuple time_select(const PySession& self, const std::vector<View>& views, con
     const py::gil_scoped_release release;
     check_budget(self.store().method->info(), budget);
     Session& session = self.selecting();
-    for (const View& view : views) chunks.push_back(session.select(view, budget).visible_nodes);
+    for (const View& view : views)
+      chunks.push_back(self.resolved(session.select({view, budget, nullptr}))->claim().visible_nodes);
     times = clock_views(
-        views, repeats, [&] { session.reset(); }, [&](const View& view) { session.select(view, budget); });
+        views, repeats, [&] { session.reset(); },
+        [&](const View& view) {
+          session.select({view, budget, nullptr});
+        });
   }
   return py::make_tuple(array_of(std::move(times), {repeats, count}), array_of(std::move(chunks), {count}));
 }

@@ -53,12 +53,10 @@ render::DrawCall draw_call(const Parts& parts) {
 /// What the method says that its hierarchy could reach at best where this cut was selected; empty for a cut
 /// by hand, and for one that breaks a hard budget.
 std::function<double()> optimum_of(const Part& part) {
-  const PyCut& selected = *part.second;
-  const Cut& cut = selected.cut;
-  if (!selected.budget || cut.triangles > selected.budget->triangles.value_or(cut.triangles) ||
-      cut.visible_nodes > selected.budget->nodes.value_or(cut.visible_nodes))
-    return {};
-  return [part] { return part.first->selecting().optimum_px(part.second->cut.view, *part.second->budget); };
+  const Budget& budget = part.second->cut.request.budget;
+  const bool by_hand = !budget.pixel_error && !budget.triangles && !budget.nodes;
+  if (by_hand || !part.second->claim().within_hard(budget)) return {};
+  return [part] { return part.first->selecting().optimum_px(part.second->cut.request); };
 }
 
 class PyInstrument {
@@ -77,7 +75,7 @@ class PyInstrument {
     if (full_ == nullptr)
       throw InvalidInput("reference: the instrument was made without a session of `full`");
     const Camera camera = make_camera(view);
-    const PyCut cut{full_->selecting().select(view, Budget()), full_->store().hierarchy};
+    const Cut cut = full_->selecting().select({view, {}, nullptr});
     return instrument::draw_reference(*ruler_, camera, full_->draw_call(cut));
   }
 
@@ -105,7 +103,7 @@ class PyInstrument {
     for (const Part& part : parts) names.insert(part.first->store().method->info().name);
     for (const std::string& name : names) subject.drawn_by += (subject.drawn_by.empty() ? "" : ", ") + name;
     if (parts.size() == 1) {
-      subject.predicted_px = parts[0].second->cut.predicted_px;
+      subject.predicted_px = parts[0].second->claim().predicted_px;
       subject.optimum_px = optimum_of(parts[0]);
     }
     subject.reference = std::move(reference);

@@ -42,11 +42,22 @@ Session& PySession::drawing() {
   return *session_;
 }
 
-render::DrawCall PySession::draw_call(const PyCut& cut) {
+std::shared_ptr<PyCut> PySession::resolved(Cut cut) const {
+  session_->resolve(cut);
+  if (!cut.claim)
+    throw Unsupported("select: method " + store_->method->info().name + " does not say what it draws");
+  return std::make_shared<PyCut>(PyCut{std::move(cut), store_->hierarchy});
+}
+
+const Cut& PySession::own(const PyCut& cut) const {
   if (cut.hierarchy != store_->hierarchy)
     throw InvalidInput("session: the cut was selected from another store");
+  return cut.cut;
+}
+
+render::DrawCall PySession::draw_call(const Cut& cut) {
   Session& session = drawing();
-  return [&session, &cut](render::Pass& pass) { session.draw(cut.cut, pass); };
+  return [&session, &cut](render::Pass& pass) { session.draw(cut, pass); };
 }
 
 render::Show show_of(const std::string& text) {
@@ -77,36 +88,37 @@ Frame frame_of(render::Picture picture) {
           array_of(std::move(picture.depth), {height, width})};
 }
 
+Request request_of(const PySession& self, const View& view, const Budget& budget) {
+  check_budget(self.store().method->info(), budget);
+  return {view, budget, nullptr};
+}
+
 std::shared_ptr<PyCut> select(const PySession& self, const View& view, const Budget& budget) {
   const py::gil_scoped_release release;
-  check_budget(self.store().method->info(), budget);
-  return std::make_shared<PyCut>(
-      PyCut{self.selecting().select(view, budget), self.store().hierarchy, budget});
+  return self.resolved(self.selecting().select(request_of(self, view, budget)));
 }
 
 double optimum_px(const PySession& self, const View& view, const Budget& budget) {
   const py::gil_scoped_release release;
-  check_budget(self.store().method->info(), budget);
-  return self.selecting().optimum_px(view, budget);
+  return self.selecting().optimum_px(request_of(self, view, budget));
 }
 
-std::shared_ptr<PyCut> cut_by_hand(const PySession& self, const std::vector<int64_t>& nodes,
-                                   const std::optional<std::vector<int32_t>>& resolutions) {
+std::shared_ptr<PyCut> cut_of_nodes(const PySession& self, const std::vector<int64_t>& nodes,
+                                    const std::optional<std::vector<int32_t>>& resolutions) {
   const py::gil_scoped_release release;
   const auto finer = resolutions.value_or(std::vector<int32_t>());
-  return std::make_shared<PyCut>(PyCut{self.selecting().cut(nodes, finer), self.store().hierarchy});
+  return self.resolved(self.selecting().cut(nodes, finer));
 }
 
 std::vector<std::shared_ptr<PyCut>> audit_cuts(const PySession& self) {
   std::vector<std::shared_ptr<PyCut>> out;
-  for (Cut& cut : self.selecting().audit_cuts())
-    out.push_back(std::make_shared<PyCut>(PyCut{std::move(cut), self.store().hierarchy}));
+  for (Cut& cut : self.selecting().audit_cuts()) out.push_back(self.resolved(std::move(cut)));
   return out;
 }
 
 std::shared_ptr<PyCut> random_cut(const PySession& self, uint64_t seed) {
   std::optional<Cut> cut = self.selecting().random_cut(seed);
-  return cut ? std::make_shared<PyCut>(PyCut{std::move(*cut), self.store().hierarchy}) : nullptr;
+  return cut ? self.resolved(std::move(*cut)) : nullptr;
 }
 
 Frame draw(PySession& self, const PyCut& cut, const View& view, const std::string& show, bool everything) {
@@ -145,7 +157,7 @@ struct FrameCost {
   int64_t resident_bytes;
 };
 
-py::dict cost_columns(const FrameCost& cost, const Cut& cut) {
+py::dict cost_columns(const FrameCost& cost, const Claim& claim) {
   const render::Submitted& submitted = cost.timing.submitted;
   py::dict out;
   out["select_ms"] = cost.select_ms;
@@ -159,28 +171,29 @@ py::dict cost_columns(const FrameCost& cost, const Cut& cut) {
   out["filler_triangles"] = submitted.filler_triangles;
   out["upload_bytes"] = submitted.upload_bytes;
   out["resident_bytes"] = cost.resident_bytes;
-  out["page_misses"] = cut.missing_nodes;
-  out["adapt_steps"] = cut.adapt_steps;
+  out["page_misses"] = claim.missing_nodes;
+  out["adapt_steps"] = claim.adapt_steps;
   return out;
 }
 
 py::tuple time_frame(PySession& self, const View& view, const Budget& budget, bool discard) {
-  auto cut = std::make_shared<PyCut>();
+  std::shared_ptr<PyCut> cut;
   FrameCost cost;
   {
     const py::gil_scoped_release release;
-    check_budget(self.store().method->info(), budget);
+    const Request request = request_of(self, view, budget);
     const Camera camera = make_camera(view);
     const auto show = discard ? render::Show::kNone : render::Show::kShade;
     Session& session = self.drawing();
     const Clock::time_point start = Clock::now();
-    *cut = {session.select(view, budget), self.store().hierarchy, budget};
+    Cut selected = session.select(request);
     cost.select_ms = milliseconds(Clock::now() - start);
-    cost.timing = render::time_draw(camera, show, self.draw_call(*cut));
+    cost.timing = render::time_draw(camera, show, self.draw_call(selected));
     cost.frame_ms = milliseconds(Clock::now() - start);
     cost.resident_bytes = session.resident_bytes();
+    cut = self.resolved(std::move(selected));
   }
-  return py::make_tuple(cut, cost_columns(cost, cut->cut));
+  return py::make_tuple(cut, cost_columns(cost, cut->claim()));
 }
 
 // Cut -----------------------------------------------------------------------------------------------------
@@ -193,15 +206,15 @@ struct CutRow {
 };
 
 py::array cut_nodes(const PyCut& self) {  // untyped in the signature: stubs know no struct
-  py::array_t<CutRow> out(static_cast<py::ssize_t>(self.cut.nodes.size()));
+  py::array_t<CutRow> out(static_cast<py::ssize_t>(self.claim().nodes.size()));
   CutRow* row = out.mutable_data();
-  for (const CutNode& n : self.cut.nodes)
+  for (const CutNode& n : self.claim().nodes)
     *row++ = {n.node, n.resolution, n.morph, n.visible, n.missing, n.error};
   return out;
 }
 
 std::string cut_text(const PyCut& self) {
-  const Cut& cut = self.cut;
+  const Claim& cut = self.claim();
   return "Cut(" + std::to_string(cut.nodes.size()) + " nodes, " + std::to_string(cut.visible_nodes) +
          " visible, " + std::to_string(cut.triangles) + " triangles, predicted " +
          py::str(py::float_(cut.predicted_px)).cast<std::string>() + " px" +
@@ -220,32 +233,31 @@ void bind_cut(py::module_& m) {
           "Structured array node, resolution, morph, visible, missing, error (the bound as "
           "drawn, source units): a row per node.")
       .def_property_readonly(
-          "triangles", [](const PyCut& c) { return c.cut.triangles; },
+          "triangles", [](const PyCut& c) { return c.claim().triangles; },
           "Triangles of the visible nodes, fillers included.")
-      .def_property_readonly("filler_triangles", [](const PyCut& c) { return c.cut.filler_triangles; })
-      .def_property_readonly("visible_nodes", [](const PyCut& c) { return c.cut.visible_nodes; })
+      .def_property_readonly("filler_triangles", [](const PyCut& c) { return c.claim().filler_triangles; })
+      .def_property_readonly("visible_nodes", [](const PyCut& c) { return c.claim().visible_nodes; })
       .def_property_readonly(
-          "missing_nodes", [](const PyCut& c) { return c.cut.missing_nodes; },
+          "missing_nodes", [](const PyCut& c) { return c.claim().missing_nodes; },
           "Visible nodes that stand in for finer data that is not there yet.")
       .def_property_readonly(
-          "tau", [](const PyCut& c) { return c.cut.tau; }, "Pixels that morphs and edges were computed for.")
+          "tau", [](const PyCut& c) { return c.claim().tau; },
+          "Pixels that morphs and edges were computed for.")
       .def_property_readonly(
-          "predicted_px", [](const PyCut& c) { return c.cut.predicted_px; },
+          "predicted_px", [](const PyCut& c) { return c.claim().predicted_px; },
           "Largest projected error bound among the visible nodes, pixels.")
       .def_property_readonly(
-          "adapt_steps", [](const PyCut& c) { return c.cut.adapt_steps; },
+          "adapt_steps", [](const PyCut& c) { return c.claim().adapt_steps; },
           "Moves that adaptation made or tried; 0 where the method has none.")
-      .def_property_readonly("promises_bound", [](const PyCut& c) { return c.cut.promises_bound; })
-      .def_property_readonly("budget_met", [](const PyCut& c) { return c.cut.budget_met; })
+      .def_property_readonly("promises_bound", [](const PyCut& c) { return c.claim().promises_bound; })
+      .def_property_readonly("budget_met", [](const PyCut& c) { return c.claim().budget_met; })
       .def_property_readonly(
-          "least_triangles", [](const PyCut& c) { return c.cut.least_triangles; },
+          "least_triangles", [](const PyCut& c) { return c.claim().least_triangles; },
           "Triangles of the cheapest cut for the view, where that breaks a hard budget, else None.")
       .def_property_readonly(
-          "least_nodes", [](const PyCut& c) { return c.cut.least_nodes; }, "Its nodes.")
+          "least_nodes", [](const PyCut& c) { return c.claim().least_nodes; }, "Its nodes.")
       .def_property_readonly(
-          "view", [](const PyCut& c) { return c.cut.view; }, "The view it was selected for.")
-      .def_property_readonly(
-          "options", [](const PyCut& c) { return c.cut.options; }, "Draw options, JSON.")
+          "view", [](const PyCut& c) { return c.cut.request.view; }, "The view it was selected for.")
       .def("__repr__", &cut_text);
 }
 
@@ -316,8 +328,11 @@ void bind_session_class(py::module_& m) {
           "optimum_px", &optimum_px, view, py::arg("budget") = Budget(),
           "The smallest largest projected error, pixels, that any cut reaches within the hard budgets, no "
           "smaller than the pixel error; nan: no cut keeps them, or the method does not know. May take long.")
-      .def("cut", &cut_by_hand, py::arg("nodes"), py::arg("resolutions") = py::none(),
+      .def("cut", &cut_of_nodes, py::arg("nodes"), py::arg("resolutions") = py::none(),
            "A cut by hand: nodes that cover the source once. InvalidInput names the first gap or overlap.")
+      .def(
+          "digest", [](const PySession& s, const PyCut& c) { return s.selecting().digest(s.own(c)); }, cut,
+          "Equal texts: the cuts draw the same in any view.")
       .def("audit_cuts", &audit_cuts,
            "Cuts that together draw every node at every resolution in every state of morph and edges.")
       .def("random_cut", &random_cut, py::arg("seed"), py::call_guard<py::gil_scoped_release>(),

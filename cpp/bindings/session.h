@@ -8,7 +8,6 @@
 
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,11 +19,12 @@
 
 namespace lodlab {
 
-/// A cut remembers the store that it was selected from: node numbers mean nothing to another; and the budget.
+/// A cut with its claim filled in. It remembers the store that it was selected from: node numbers mean
+/// nothing to another.
 struct PyCut {
   Cut cut;
   std::shared_ptr<const Hierarchy> hierarchy;
-  std::optional<Budget> budget = std::nullopt;  ///< none: by hand
+  const Claim& claim() const { return *cut.claim; }
 };
 
 /// A session; it belongs to the thread that first used it, and when that one has ended, to the next.
@@ -40,8 +40,13 @@ class PySession {
   Session& selecting() const;
   /// The session, for calls that draw.
   Session& drawing();
-  /// Draws this cut into a pass. InvalidInput when it is another store's. Call on the drawing thread.
-  render::DrawCall draw_call(const PyCut& cut);
+  /// What the session has selected, its claim filled in.
+  std::shared_ptr<PyCut> resolved(Cut cut) const;
+  /// Draws a cut of this session's store into a pass. Call on the drawing thread.
+  render::DrawCall draw_call(const Cut& cut);
+  /// InvalidInput when it is another store's.
+  const Cut& own(const PyCut& cut) const;
+  render::DrawCall draw_call(const PyCut& cut) { return draw_call(own(cut)); }
 
  private:
   std::shared_ptr<PyStore> store_;

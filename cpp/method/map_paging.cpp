@@ -68,9 +68,9 @@ bool MapPaging::need(size_t map, const MapPatch& patch) {
   return pool.resident(first);
 }
 
-void MapPaging::select(const Camera& camera, Cut& cut) {
+void MapPaging::select(const Camera& camera, Claim& claim) {
   if (!streams_ || count() == 0) return;
-  for (CutNode& picked : cut.nodes) {
+  for (CutNode& picked : claim.nodes) {
     if (!picked.visible) continue;
     bool there = true;
     for (const MapPatch& patch : patches(picked, camera)) {
@@ -78,7 +78,7 @@ void MapPaging::select(const Camera& camera, Cut& cut) {
     }
     if (there || picked.missing) continue;
     picked.missing = true;
-    ++cut.missing_nodes;
+    ++claim.missing_nodes;
   }
   for (size_t i = 0; i < count(); ++i) {
     // Patches share tiles: the last of equals is the most urgent.

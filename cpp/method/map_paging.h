@@ -34,7 +34,7 @@ class MapPaging {
   void next_frame();
   /// While streaming: what the cut draws is used, what it would draw is asked for, and nodes for which
   /// anything stands in are marked as missing.
-  void select(const Camera& camera, Cut& cut);
+  void select(const Camera& camera, Claim& claim);
 
   /// The patches of a picked node. Valid until the next call.
   const std::vector<MapPatch>& patches(const CutNode& picked, const Camera& camera);

@@ -61,9 +61,26 @@ struct CutNode {
   double error = 0.0;  ///< bound on the distance to the source as drawn (morph, edges included), source units
 };
 
-/// What a method selected for a view under a budget. It covers the whole source.
-struct Cut {
-  View view;                                             ///< the view it was selected for
+/// Where the control points of a mesh are, source units: null where nothing is deformed.
+struct Pose {
+  std::vector<glm::dvec3> control;
+};
+
+/// What a frame asks for.
+struct Request {
+  View view;
+  Budget budget;  ///< none set: a cut by hand
+  std::shared_ptr<const Pose> pose;
+};
+
+/// What a method that selects on the GPU keeps of a selection: its uniforms, from which the very cut is drawn
+/// again.
+struct Record {
+  virtual ~Record() = default;
+};
+
+/// What a method says of a cut. Its nodes cover the whole source.
+struct Claim {
   std::vector<CutNode> nodes;                            ///< sorted by node
   double tau = std::numeric_limits<double>::infinity();  ///< pixels; morphs and edges were computed for it
   double predicted_px = 0.0;  ///< largest projected bound among visible nodes, as drawn
@@ -77,22 +94,49 @@ struct Cut {
   /// What the cheapest cut for the view takes, where that breaks a hard budget: of the cuts within the nodes
   /// (or with the fewest, where none is within them) the one with the fewest triangles.
   std::optional<int64_t> least_triangles, least_nodes;
-  std::string options;  ///< draw options, JSON
-  /// Set by methods that select on the GPU: the record that redraws this very cut.
-  std::shared_ptr<const void> record;
+
+  bool within(const Budget& budget) const {
+    return within_hard(budget) && (!budget.pixel_error || predicted_px <= *budget.pixel_error);
+  }
+  bool within_hard(const Budget& budget) const {
+    return (!budget.triangles || triangles <= *budget.triangles) &&
+           (!budget.nodes || visible_nodes <= *budget.nodes);
+  }
 };
+
+/// What a method selected. It is drawn as often as wanted, in any view, and never changes: from its record
+/// where the GPU selects, else from its claim.
+struct Cut {
+  Request request;
+  std::shared_ptr<const Record> record;  ///< null where the CPU selects
+  std::optional<Claim> claim;            ///< none until resolve() where the GPU selects
+};
+
+/// A cut of nodes that no view asked for: it predicts no pixels.
+inline Cut cut_by_hand(Claim claim) {
+  claim.predicted_px = std::numeric_limits<double>::quiet_NaN();
+  return {{}, nullptr, std::move(claim)};
+}
 
 class Session {
  public:
   virtual ~Session() = default;
 
-  /// Picks the cut. CPU only, deterministic given what is resident; streaming requests are issued here.
-  virtual Cut select(const View& view, const Budget& budget) = 0;
+  /// Picks the cut: all that a frame does for it on the CPU, and timed. Deterministic given what is resident;
+  /// streaming requests are issued here. A method that selects on the GPU leaves a record and no claim.
+  virtual Cut select(const Request& request) = 0;
 
-  /// The smallest largest projected error, pixels, that any cut of this hierarchy reaches for a view within
-  /// the hard budgets (a lower bound is enough); no smaller than the budget's pixel error. NaN: none that
-  /// keeps them, or not known. It may take long, and changes nothing.
-  virtual double optimum_px(const View& /*view*/, const Budget& /*budget*/) const {
+  /// Fills in the claim of a cut that has none, as the GPU selects it: on the CPU, not timed. Deterministic.
+  virtual void resolve(Cut& /*cut*/) const {}
+
+  /// Equal where two cuts of equal hierarchies draw the same. Here: that of the claim's nodes, resolutions,
+  /// morphs and visibility; a method that draws from a record tells records apart.
+  virtual std::string digest(const Cut& cut) const;
+
+  /// The smallest largest projected error, pixels, that any cut of this hierarchy reaches for a request
+  /// within its hard budgets (a lower bound is enough); no smaller than its pixel error. NaN: none that keeps
+  /// them, or not known. It may take long, and changes nothing.
+  virtual double optimum_px(const Request& /*request*/) const {
     return std::numeric_limits<double>::quiet_NaN();
   }
 

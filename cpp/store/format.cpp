@@ -42,6 +42,12 @@ class Hasher {
 
 }  // namespace
 
+std::string digest_of(std::span<const std::byte> bytes) {
+  Hasher hasher;
+  hasher.add(bytes.data(), bytes.size());
+  return hasher.digest();
+}
+
 uint64_t checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
 uint64_t checksum(const std::string& key, const std::string& value) {

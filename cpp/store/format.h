@@ -43,6 +43,8 @@ struct ArrayHead {
   uint64_t checksum = 0;
 };
 
+/// 32 hex digits.
+std::string digest_of(std::span<const std::byte> bytes);
 uint64_t checksum(std::span<const std::byte> bytes);
 uint64_t checksum(const std::string& key, const std::string& value);
 

@@ -154,8 +154,13 @@ inline View flight(const Forest& forest, int i) {
   return view;
 }
 
-inline Cut select(Adapter& adapter, Adapt adapt, const View& view, const Budget& budget) {
-  Cut cut;
+/// What an adapter claims of a cut, and the view that it was selected for.
+struct Selected : Claim {
+  View view;
+};
+
+inline Selected select(Adapter& adapter, Adapt adapt, const View& view, const Budget& budget) {
+  Selected cut;
   cut.view = view;
   adapter.select(adapt, make_camera(view), budget, cut);
   return cut;
@@ -167,7 +172,7 @@ inline Budget budget_of(std::optional<double> pixel_error, std::optional<int64_t
 }
 
 /// Everything that is said of a cut is so: it covers, counts and bounds.
-inline void check_cut(const Forest& forest, const Cut& cut, const Budget& budget) {
+inline void check_cut(const Forest& forest, const Selected& cut, const Budget& budget) {
   const Camera camera = make_camera(cut.view);
   const Projector projector(Projection::kStrict, camera);
   StrideMap map(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()), 255);
@@ -226,7 +231,7 @@ inline std::pair<int64_t, int64_t> coarsest(const Forest& forest, const View& vi
   return sum;
 }
 
-inline void check_hard(const Forest& forest, const Cut& cut, const Budget& budget) {
+inline void check_hard(const Forest& forest, const Selected& cut, const Budget& budget) {
   const auto [triangles, nodes] = coarsest(forest, cut.view);
   bool can = triangles <= budget.triangles.value_or(triangles) && nodes <= budget.nodes.value_or(nodes);
   if (!can) {  // a split may cost less: children are culled
@@ -246,7 +251,7 @@ inline void check_hard(const Forest& forest, const Cut& cut, const Budget& budge
   }
 }
 
-inline bool same(const Cut& a, const Cut& b) {
+inline bool same(const Selected& a, const Selected& b) {
   return std::equal(a.nodes.begin(), a.nodes.end(), b.nodes.begin(), b.nodes.end(),
                     [](const CutNode& x, const CutNode& y) {
                       return x.node == y.node && x.resolution == y.resolution && x.visible == y.visible &&

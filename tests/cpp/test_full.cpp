@@ -54,12 +54,12 @@ Built build(FieldFrame frame) {
 }
 
 render::Captured capture(Built& built, const View& view) {
-  const Cut cut = built.session->select(view, {});
-  CHECK(cut.budget_met);
-  CHECK(cut.predicted_px == 0.0);
+  const Cut cut = built.session->select({view, {}, nullptr});
+  CHECK(cut.claim->budget_met);
+  CHECK(cut.claim->predicted_px == 0.0);
   const auto captured = render::capture(
       make_camera(view), [&](render::Pass& pass) { built.session->draw(cut, pass); }, true);
-  CHECK(captured.triangles() == cut.triangles);
+  CHECK(captured.triangles() == cut.claim->triangles);
   gl::check("capturing full");
   return captured;
 }
@@ -194,7 +194,7 @@ TEST_CASE("cuts by hand: node 0, once") {
     frame.rows = frame.cols = 3;
     return frame;
   }());
-  CHECK(built.session->cut({0}, {}).triangles == 8);
+  CHECK(built.session->cut({0}, {}).claim->triangles == 8);
   for (const std::vector<int64_t>& wrong : {std::vector<int64_t>{}, {1}, {0, 0}, {-1}}) {
     CHECK_THROWS_AS(built.session->cut(wrong, {}), InvalidInput);
   }

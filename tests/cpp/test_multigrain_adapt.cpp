@@ -51,7 +51,7 @@ TEST_CASE("hard budgets hold in every frame of random views, budgets and algorit
       if (random() % 3 || !(budget.nodes || budget.pixel_error))
         budget.triangles = static_cast<int64_t>(std::exp(uniform(random, 0.0, 13.0)));
       const Adapt adapt = budget.triangles ? Adapt::kQuad : random() % 2 ? Adapt::kDual : Adapt::kTopDown;
-      const Cut cut = select(adapter, adapt, view, budget);
+      const Selected cut = select(adapter, adapt, view, budget);
       check_hard(*forest, cut, budget);
       if (i % 20 == 0) check_cut(*forest, cut, budget);
       met += cut.budget_met;
@@ -72,7 +72,7 @@ TEST_CASE("a pixel error that can be reached is reached, edges included") {
       const View view = random_view(*forest, random);
       const Budget budget = budget_of(std::exp(uniform(random, -3.0, 4.0)), {}, {});
       for (const Adapt adapt : {Adapt::kTopDown, Adapt::kDual}) {
-        const Cut cut = select(adapter, adapt, view, budget);
+        const Selected cut = select(adapter, adapt, view, budget);
         check_cut(*forest, cut, budget);
         if (whole) CHECK(cut.budget_met);
         const Projector projector(Projection::kStrict, make_camera(view));
@@ -100,8 +100,8 @@ TEST_CASE("dual: along a path it keeps what top-down keeps, in few steps") {
       for (int i = 0; i < 120; ++i) {
         const View view = i == 60 ? flight(*forest, 900) : flight(*forest, i);  // one jump, there and back
         const Budget budget = budget_of(2.0, {}, nodes);
-        const Cut dual = select(coherent, Adapt::kDual, view, budget);
-        const Cut down = select(fresh, Adapt::kTopDown, view, budget);
+        const Selected dual = select(coherent, Adapt::kDual, view, budget);
+        const Selected down = select(fresh, Adapt::kTopDown, view, budget);
         check_hard(*forest, dual, budget);
         if (i % 10 == 0) check_cut(*forest, dual, budget);
         if (!nodes) CHECK(dual.budget_met == down.budget_met);
@@ -135,10 +135,10 @@ TEST_CASE("a still camera has a fixed cut after the first frames") {
         if (adapt == Adapt::kQuad)
           budget.triangles = static_cast<int64_t>(std::exp(uniform(random, 5.0, 12.0)));
         if (adapt != Adapt::kQuad || random() % 2) budget.pixel_error = std::exp(uniform(random, -2.0, 3.0));
-        Cut last = select(adapter, adapt, view, budget);
+        Selected last = select(adapter, adapt, view, budget);
         int changed = 0;
         for (int frame = 1; frame <= 100; ++frame) {
-          Cut next = select(adapter, adapt, view, budget);
+          Selected next = select(adapter, adapt, view, budget);
           if (!same(last, next)) changed = frame;
           last = std::move(next);
           if (frame - changed > 12) break;
@@ -159,16 +159,16 @@ TEST_CASE("budgets within one node of a threshold settle, and a budget that grow
     Adapter adapter(*forest, Projection::kStrict);
     for (int i = 0; i < 12; ++i) {
       const View view = random_view(*forest, random);
-      const Cut found =
+      const Selected found =
           select(adapter, Adapt::kQuad, view,
                  budget_of({}, static_cast<int64_t>(std::exp(uniform(random, 6.0, 11.0))), 200));
       for (const int64_t around : {-8, -1, 0, 1, 8}) {
         const Budget budget = budget_of({}, std::max<int64_t>(1, found.triangles + around),
                                         std::max<int64_t>(1, found.visible_nodes + around % 2));
-        Cut last = select(adapter, Adapt::kQuad, view, budget);
+        Selected last = select(adapter, Adapt::kQuad, view, budget);
         int changed = 0;
         for (int frame = 1; frame < 20; ++frame) {
-          Cut next = select(adapter, Adapt::kQuad, view, budget);
+          Selected next = select(adapter, Adapt::kQuad, view, budget);
           if (!same(last, next)) changed = frame;
           last = std::move(next);
         }
@@ -187,11 +187,11 @@ TEST_CASE("reset forgets; without it the way to a view may change its error, by 
       const View view = random_view(*forest, random);
       const Budget budget = budget_of({}, static_cast<int64_t>(std::exp(uniform(random, 6.0, 11.0))), 150);
       Adapter fresh(*forest, Projection::kStrict), used(*forest, Projection::kStrict);
-      const Cut wanted = select(fresh, Adapt::kQuad, view, budget);
+      const Selected wanted = select(fresh, Adapt::kQuad, view, budget);
       double low = wanted.tau, high = wanted.tau;
       for (int path = 0; path < 20; ++path) {
         for (int k = 0; k < 3; ++k) select(used, Adapt::kQuad, random_view(*forest, random), budget);
-        const Cut reached = select(used, Adapt::kQuad, view, budget);
+        const Selected reached = select(used, Adapt::kQuad, view, budget);
         low = std::min(low, reached.tau);
         high = std::max(high, reached.tau);
         used.reset();
@@ -221,7 +221,7 @@ TEST_CASE("an algorithm that does not serve the budget says so; auto serves all"
        {budget_of(1.0, {}, {}), budget_of({}, 1000, {}), budget_of({}, {}, 20), budget_of(1.0, 1000, 20),
         budget_of(std::numeric_limits<double>::infinity(), {}, {}),
         budget_of(1e-300, std::numeric_limits<int64_t>::max(), 1)}) {
-    const Cut cut = select(adapter, Adapt::kAuto, view, budget);
+    const Selected cut = select(adapter, Adapt::kAuto, view, budget);
     check_cut(*forest, cut, budget);
     check_hard(*forest, cut, budget);
   }

@@ -103,9 +103,9 @@ void check_drawn(const Opened& opened, const Cut& cut) {
     submitted = pass.submitted;
   };
   const render::Captured captured = render::capture(camera, draw, true);
-  CHECK(captured.triangles() == cut.triangles);
-  CHECK(submitted.triangles == cut.triangles);
-  CHECK(submitted.nodes == static_cast<int64_t>(cut.nodes.size()));
+  CHECK(captured.triangles() == cut.claim->triangles);
+  CHECK(submitted.triangles == cut.claim->triangles);
+  CHECK(submitted.nodes == static_cast<int64_t>(cut.claim->nodes.size()));
   CHECK(submitted.draw_calls == 1);
   const instrument::SampleGrid grid(*opened.field);
   CHECK(instrument::crack_edges(grid, captured) == 0);
@@ -116,7 +116,7 @@ void check_drawn(const Opened& opened, const Cut& cut) {
   double far = 0.0;
   for (const auto& v : captured.vertices) far = std::max(far, glm::length(glm::dvec3(v.x, v.y, v.z)));
   for (const instrument::NodeError& error : instrument::worst_of_nodes(captured, worst)) {
-    const auto node = std::lower_bound(cut.nodes.begin(), cut.nodes.end(), error.node,
+    const auto node = std::lower_bound(cut.claim->nodes.begin(), cut.claim->nodes.end(), error.node,
                                        [](const CutNode& n, uint32_t id) { return n.node < id; });
     REQUIRE(node->node == error.node);
     CHECK(error.max <= node->error + instrument::world_slack(far));
@@ -221,16 +221,16 @@ TEST_CASE("a capture of millions of triangles comes in batches, a picture in one
   const auto flat = [](int64_t, int64_t) { return 1.0; };
   const Opened opened(multigrain_method(), synthetic::field(synthetic::flat(1101, 1101), flat), {});
   const Cut cut = finest(opened);
-  CHECK(cut.triangles == 2 * 1100 * 1100);
+  CHECK(cut.claim->triangles == 2 * 1100 * 1100);
   render::Submitted submitted;
   const auto draw = [&](render::Pass& pass) {
     opened.session->draw(cut, pass);
     submitted = pass.submitted;
   };
   const Camera camera = make_camera(over(*opened.field));
-  CHECK(render::capture(camera, draw, true).triangles() == cut.triangles);
+  CHECK(render::capture(camera, draw, true).triangles() == cut.claim->triangles);
   CHECK(submitted.draw_calls == 2);
-  CHECK(submitted.triangles == cut.triangles);
+  CHECK(submitted.triangles == cut.claim->triangles);
   render::draw_picture(camera, render::Show::kShade, draw);
   CHECK(submitted.draw_calls == 1);
 }
@@ -242,7 +242,7 @@ TEST_CASE("cuts by hand are refused with the reason") {
   const auto says = [&](const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) {
     return refusal([&] { session.cut(ids, resolutions); });
   };
-  CHECK(session.cut({3, 0, 1, 2}, {}).nodes.size() == 4);
+  CHECK(session.cut({3, 0, 1, 2}, {}).claim->nodes.size() == 4);
   CHECK(testing::says(says({0, 1, 2}, {}), "gap"));
   CHECK(testing::says(says({0, 1, 2, 3, 3}, {}), "twice"));
   CHECK(testing::says(says({0, 1, 2, 3, 4}, {}), "overlaps"));
@@ -259,7 +259,7 @@ TEST_CASE("audit cuts draw every node at every resolution, and hold their bounds
   std::set<std::pair<int64_t, uint32_t>> drawn;
   for (const Cut& cut : cuts) {
     check_drawn(opened, cut);
-    for (const CutNode& n : cut.nodes) drawn.insert({n.node, n.resolution});
+    for (const CutNode& n : cut.claim->nodes) drawn.insert({n.node, n.resolution});
   }
   CHECK(drawn.size() == opened.forest().resolution.size());
 }

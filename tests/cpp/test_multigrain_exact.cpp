@@ -206,7 +206,7 @@ TEST_CASE("no queue is better than the optimum, and hard budgets hold") {
       limits.triangles = budget.triangles.value_or(limits.triangles);
       limits.nodes = budget.nodes.value_or(limits.nodes);
       const auto best = exact.least_error(limits);
-      const Cut cut = select(optimal, Adapt::kExact, view, budget);
+      const Selected cut = select(optimal, Adapt::kExact, view, budget);
       check_cut(*forest, cut, budget);
       const auto [triangles, nodes] = coarsest(*forest, view);
       if (triangles <= limits.triangles && nodes <= limits.nodes) REQUIRE(best);
@@ -219,7 +219,7 @@ TEST_CASE("no queue is better than the optimum, and hard budgets hold") {
       CHECK(cut.tau <= std::max(*best, budget.pixel_error.value_or(0.0)) * (1.0 + 1e-9));
       for (const Adapt adapt : {Adapt::kTopDown, Adapt::kDual, Adapt::kQuad}) {
         if ((adapt == Adapt::kQuad) != budget.triangles.has_value()) continue;
-        const Cut other = select(adapter, adapt, view, budget);
+        const Selected other = select(adapter, adapt, view, budget);
         const bool kept = other.triangles <= limits.triangles && other.visible_nodes <= limits.nodes;
         if (kept) CHECK(*best <= other.tau);
         if (kept && adapt == Adapt::kQuad && *best > 0.0) {
@@ -267,13 +267,13 @@ TEST_CASE(
       Budget budget = budget_of({}, static_cast<int64_t>(std::exp(uniform(random, 0.0, 13.0))), {});
       if (random() % 2) budget.nodes = static_cast<int64_t>(std::exp(uniform(random, 0.0, 7.0)));
       if (random() % 3 == 0) budget.pixel_error = std::exp(uniform(random, -3.0, 4.0));
-      Cut last = select(adapter, Adapt::kLevel, view, budget);
+      Selected last = select(adapter, Adapt::kLevel, view, budget);
       check_hard(*forest, last, budget);
       check_cut(*forest, last, budget);
       if (i % 10) continue;
       int changed = 0;
       for (int frame = 1; frame <= 60 && frame - changed <= 12; ++frame) {
-        Cut next = select(adapter, Adapt::kLevel, view, budget);
+        Selected next = select(adapter, Adapt::kLevel, view, budget);
         check_hard(*forest, next, budget);
         if (!same(last, next)) changed = frame;
         last = std::move(next);
@@ -290,8 +290,8 @@ TEST_CASE(
     const View view = flight(*all.back(), i);
     Exact exact(*all.back(), Projection::kStrict, make_camera(view));
     const double best = *exact.least_error({60000, 200});
-    const Cut ours = select(level, Adapt::kLevel, view, budget),
-              theirs = select(quad, Adapt::kQuad, view, budget);
+    const Selected ours = select(level, Adapt::kLevel, view, budget),
+                   theirs = select(quad, Adapt::kQuad, view, budget);
     if (best <= 0.0) continue;
     of_level.push_back(ours.predicted_px / best - 1.0);
     of_quad.push_back(theirs.predicted_px / best - 1.0);

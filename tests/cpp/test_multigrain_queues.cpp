@@ -123,10 +123,10 @@ TEST_CASE("quad: the largest error against greedy cuts and the optimum") {
       const auto budget =
           std::max<int64_t>(least, static_cast<int64_t>(std::exp(uniform(random, 6.0, 12.0))));
       Adapter adapter(*forest, Projection::kStrict);
-      const Cut free = select(adapter, Adapt::kQuad, view, budget_of({}, budget, {}));
+      const Selected free = select(adapter, Adapt::kQuad, view, budget_of({}, budget, {}));
       adapter.reset();
       const int64_t most_nodes = std::max<int64_t>(nodes, 100);
-      const Cut cut = select(adapter, Adapt::kQuad, view, budget_of({}, budget, most_nodes));
+      const Selected cut = select(adapter, Adapt::kQuad, view, budget_of({}, budget, most_nodes));
       const double roots = ruler.greedy_roots(budget);
       double levels = std::numeric_limits<double>::infinity();
       for (int k = 3; k <= 5; ++k) levels = std::min(levels, ruler.greedy_levels(budget, most_nodes, k));
@@ -172,7 +172,7 @@ TEST_CASE("select at 400 nodes and 2 M triangles, timed") {
       std::vector<double> us, steps, on_cut, visible, triangles;
       for (int i = 0; i < 600; ++i) {
         const View view = flight(*forest, i);
-        Cut cut;
+        Selected cut;
         const double start = processor_us();
         const Camera camera = make_camera(view);
         adapter.select(c.adapt, camera, c.budget, cut);
@@ -200,11 +200,11 @@ TEST_CASE("a view forward, back, forward, and one that trembles: what changes an
     const Budget budget = adapt == Adapt::kQuad ? budget_of({}, 100000, 200) : budget_of(2.0, {}, 200);
     Random random(13);
     int changes = 0;
-    Cut last;
+    Selected last;
     for (int i = 0; i < 300; ++i) {
       View view = flight(*forest, 40);  // trembles by about a pixel
       view.target += glm::dvec3(uniform(random, -1.0, 1.0), uniform(random, -1.0, 1.0), 0.0) * 20.0;
-      Cut next = select(adapter, adapt, view, budget);
+      Selected next = select(adapter, adapt, view, budget);
       if (i > 0) {
         for (const CutNode& c : next.nodes) {
           const auto old = std::lower_bound(last.nodes.begin(), last.nodes.end(), c.node,

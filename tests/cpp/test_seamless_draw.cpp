@@ -98,7 +98,7 @@ std::vector<Drawn> expected(const Opened& opened, const Cut& cut, bool parts) {
   const PatchMesh mesh(layout.patch_log2, layout.resolutions);
   const int side = layout.segments();
   std::vector<Drawn> out;
-  for (const CutNode& picked : cut.nodes) {
+  for (const CutNode& picked : cut.claim->nodes) {
     const Patch p = layout.at(picked.node);
     const std::vector<float> page = hierarchy.heights(picked.node);
     const auto corner = [&](const Vertex& v) {
@@ -156,7 +156,7 @@ void check_drawn(const Opened& opened, const Cut& cut, bool parts = false) {
   const std::vector<Drawn> all = expected(opened, cut, parts);
   CHECK((drawn(opened, captured) == all));
   CHECK(submitted.triangles == static_cast<int64_t>(all.size()));
-  CHECK(submitted.nodes == static_cast<int64_t>(cut.nodes.size()));
+  CHECK(submitted.nodes == static_cast<int64_t>(cut.claim->nodes.size()));
   CHECK(submitted.draw_calls == 1);
   if (opened.patches().averaged()) return;  // cracks; test_seamless.py counts them
   const instrument::SampleGrid grid(*opened.field);
@@ -203,16 +203,16 @@ TEST_CASE("a capture of millions of triangles comes in batches, a picture in one
   const auto flat = [](int64_t, int64_t) { return 1.0; };
   const Opened opened(synthetic::field(synthetic::flat(1101, 1101), flat), {});
   const Cut cut = opened.session->audit_cuts().back();  // the last level at its finest
-  CHECK(cut.triangles == 2 * 1100 * 1100);
+  CHECK(cut.claim->triangles == 2 * 1100 * 1100);
   render::Submitted submitted;
   const auto draw = [&](render::Pass& pass) {
     opened.session->draw(cut, pass);
     submitted = pass.submitted;
   };
   const Camera camera = above(*opened.field);
-  CHECK(render::capture(camera, draw, true).triangles() == cut.triangles);
+  CHECK(render::capture(camera, draw, true).triangles() == cut.claim->triangles);
   CHECK(submitted.draw_calls == 2);
-  CHECK(submitted.triangles == cut.triangles);
+  CHECK(submitted.triangles == cut.claim->triangles);
   render::draw_picture(camera, render::Show::kShade, draw);
   CHECK(submitted.draw_calls == 1);
 }

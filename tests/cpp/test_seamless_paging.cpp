@@ -158,13 +158,13 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
       const View view = looking({1000.0 + at, -3500.0 + at, 1000.0});
       Budget budget;
       budget.pixel_error = 2.0;
-      const Cut cut = session->select(view, budget);
+      const Cut cut = session->select({view, budget, nullptr});
       render::Submitted submitted;
       render::draw_picture(make_camera(view), render::Show::kShade, [&](render::Pass& pass) {
         session->draw(cut, pass);
         submitted = pass.submitted;
       });
-      CHECK(submitted.triangles == cut.triangles);
+      CHECK(submitted.triangles == cut.claim->triangles);
       CHECK(session->resident_bytes() <= 1 << 20);
       const int64_t beside = 1 << 19;  // index ranges, instances and commands
       CHECK(submitted.upload_bytes <= kUpload + beside);
@@ -172,9 +172,9 @@ TEST_CASE("a flight keeps its budgets, and what it draws has no cracks") {
       if (frame % 5 == 0)
         CHECK(instrument::crack_edges(grid, render::capture(make_camera(view), draw, true)) == 0);
       session->settle();
-      missing += cut.missing_nodes;
-      if (frame == 0) first = cut.predicted_px;
-      settled = cut.predicted_px;
+      missing += cut.claim->missing_nodes;
+      if (frame == 0) first = cut.claim->predicted_px;
+      settled = cut.claim->predicted_px;
     }
     CHECK(missing > 0);
     CHECK(settled < 0.5 * first);
@@ -192,7 +192,7 @@ TEST_CASE("a cut of more patches than memory holds is drawn in rounds") {
     submitted = pass.submitted;
   };
   const Camera camera = make_camera(looking({2500.0, -2500.0, 1000.0}));
-  CHECK(render::capture(camera, draw, true).triangles() == cut.triangles);
+  CHECK(render::capture(camera, draw, true).triangles() == cut.claim->triangles);
   CHECK(submitted.draw_calls > 1);
   CHECK(session->resident_bytes() <= 1 << 20);
 }

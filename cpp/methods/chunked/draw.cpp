@@ -155,7 +155,6 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
 ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options,
                                Plan plan)
     : hierarchy_(std::move(hierarchy)),
-      options_json_(options.to_json()),
       skirts_(options.text("cracks") == "skirt"),
       residency_(hierarchy_->store, std::move(plan.setup)),
       most_pieces_(plan.most_pieces) {
@@ -222,7 +221,7 @@ void ChunkedSession::draw(const Cut& cut, render::Pass& pass) {
         gpu_->upload(tree, *upload, pass.submitted);
     }
   }
-  for (const CutNode& picked : cut.nodes) {
+  for (const CutNode& picked : cut.claim->nodes) {
     if ((!picked.visible && !pass.everything()) || add(picked, pass)) continue;
     gpu_->submit(tree, most_pieces_, pass);
     residency_.next_frame();

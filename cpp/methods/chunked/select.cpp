@@ -22,13 +22,13 @@ bool less_urgent(double rho_a, uint32_t a, double rho_b, uint32_t b) {
 
 }  // namespace
 
-Cut ChunkedSession::select(const View& view, const Budget& budget) {
-  const Camera camera = make_camera(view);
+Cut ChunkedSession::select(const Request& request) {
+  const Camera camera = make_camera(request.view);
   const Projector projector(projection_, camera);
-  Cut cut;
-  cut.view = view;
-  cut.options = options_json_;
-  cut.promises_bound = projection_ != Projection::kPaper && morph_ != Morph::kFormula4;
+  const Budget& budget = request.budget;
+  Cut cut{request, nullptr, Claim{}};
+  Claim& claim = *cut.claim;
+  claim.promises_bound = projection_ != Projection::kPaper && morph_ != Morph::kFormula4;
   residency_.next_frame();
   picked_.clear();
   split_.clear();
@@ -38,13 +38,13 @@ Cut ChunkedSession::select(const View& view, const Budget& budget) {
     LeastCut::Limits limits;
     limits.triangles = budget.triangles.value_or(limits.triangles);
     limits.nodes = budget.nodes.value_or(limits.nodes);
-    select_by_priority(camera, projector, limits, budget.pixel_error.value_or(0.0), cut);
+    select_by_priority(camera, projector, limits, budget.pixel_error.value_or(0.0), claim);
   } else {
-    select_top_down(camera, projector, *budget.pixel_error, cut);
+    select_top_down(camera, projector, *budget.pixel_error, claim);
   }
-  cut.nodes = picked_;
-  finish(projector, budget, cut);
-  if (residency_.streams()) request_children(cut, projector);
+  claim.nodes = picked_;
+  finish(projector, budget, claim);
+  if (residency_.streams()) request_children(claim, projector);
   return cut;
 }
 
@@ -58,9 +58,10 @@ bool ChunkedSession::refinable(uint32_t node) {
 }
 
 /// Breadth first, so that the cut comes out sorted by node.
-void ChunkedSession::select_top_down(const Camera& camera, const Projector& projector, double tau, Cut& cut) {
+void ChunkedSession::select_top_down(const Camera& camera, const Projector& projector, double tau,
+                                     Claim& claim) {
   const std::vector<Node>& nodes = hierarchy_->node;
-  cut.tau = tau;
+  claim.tau = tau;
   queue_.resize(hierarchy_->roots);
   for (uint32_t i = 0; i < hierarchy_->roots; ++i) queue_[i] = i;
   for (size_t head = 0; head < queue_.size(); ++head) {
@@ -79,7 +80,7 @@ void ChunkedSession::select_top_down(const Camera& camera, const Projector& proj
 }
 
 /// Where the roots are over a hard budget: what to split for the cheapest cut, of what is there.
-void ChunkedSession::find_least(const Camera& camera, const LeastCut::Limits& limits, Cut& cut) {
+void ChunkedSession::find_least(const Camera& camera, const LeastCut::Limits& limits, Claim& claim) {
   const std::vector<Node>& nodes = hierarchy_->node;
   std::vector<LeastCut::Item> items, there;
   const auto add = [&](uint32_t id, int32_t parent) {
@@ -98,8 +99,8 @@ void ChunkedSession::find_least(const Camera& camera, const LeastCut::Limits& li
   const LeastCut least(std::move(items), limits);
   split_ = least.split();
   if (!limits.keep(least.cost())) {
-    cut.least_triangles = least.cost().triangles;
-    cut.least_nodes = least.cost().nodes;
+    claim.least_triangles = least.cost().triangles;
+    claim.least_nodes = least.cost().nodes;
   }
   if (!residency_.streams()) return;
   const LeastCut drawn(std::move(there), limits);
@@ -126,9 +127,9 @@ void ChunkedSession::want_least(const std::vector<uint32_t>& split) {
 
 /// Refines the visible node with the largest projected error until the next does not fit. Culled nodes
 /// stay coarse: they are not submitted. It starts from the roots, or where they do not fit from the cheapest
-/// cut.
+/// claim.
 void ChunkedSession::select_by_priority(const Camera& camera, const Projector& projector,
-                                        const LeastCut::Limits& limits, double target, Cut& cut) {
+                                        const LeastCut::Limits& limits, double target, Claim& claim) {
   const std::vector<Node>& nodes = hierarchy_->node;
   const auto less = [](const Candidate& a, const Candidate& b) {
     return less_urgent(a.rho, a.node, b.rho, b.node);
@@ -160,13 +161,13 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
   };
   for (uint32_t i = 0; i < hierarchy_->roots; ++i) add(i);
   if (!limits.keep(cost)) {
-    find_least(camera, limits, cut);
+    find_least(camera, limits, claim);
     picked_.clear();
     heap_.clear();
     cost = {};
     for (uint32_t i = 0; i < hierarchy_->roots; ++i) start(start, i);
   }
-  cut.tau = target;
+  claim.tau = target;
   while (!heap_.empty()) {
     const Candidate top = heap_.front();
     if (top.rho <= target) break;
@@ -178,13 +179,13 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
       ++more.nodes;
     }
     if (!limits.keep(more)) {
-      cut.tau = top.rho;
+      claim.tau = top.rho;
       break;
     }
     std::pop_heap(heap_.begin(), heap_.end(), less);
     heap_.pop_back();
     if (!refinable(top.node)) {
-      cut.tau = std::max(cut.tau, top.rho);
+      claim.tau = std::max(claim.tau, top.rho);
       picked_.push_back({top.node, 0, 1.0f, true, true});
       continue;
     }
@@ -202,8 +203,8 @@ void ChunkedSession::select_by_priority(const Camera& camera, const Projector& p
 
 /// Morph weights, counts and the claim. Half-way between its own surface and its parent's a chunk is at
 /// most t delta + (1 - t) delta_parent off; t is the least morph that keeps this within delta*(tau).
-void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cut& cut) const {
-  for (CutNode& picked : cut.nodes) {
+void ChunkedSession::finish(const Projector& projector, const Budget& budget, Claim& claim) const {
+  for (CutNode& picked : claim.nodes) {
     const Node& node = hierarchy_->node[picked.node];
     const Projector::Place place = projector.place(node.lo, node.hi);
     const double span = node.parent_error - node.error;
@@ -212,30 +213,28 @@ void ChunkedSession::finish(const Projector& projector, const Budget& budget, Cu
       // A hair inside the budget, and rounded towards the chunk's own surface: never over tau.
       // Its parent's surface, which is exact, is drawn as far as it may be: errors nest with what floats
       // round.
-      const double exact = projector.inverse(cut.tau * (1.0 - 1e-12), place);
+      const double exact = projector.inverse(claim.tau * (1.0 - 1e-12), place);
       const double allowed = exact - hierarchy_->quantizer.rounding();
       t = node.parent_error <= exact ? 0.0 : std::clamp((node.parent_error - allowed) / span, 0.0, 1.0);
       if (t > 0.0 && static_cast<float>(t) < t) t = std::nextafter(static_cast<float>(t), 1.0f);
-    } else if (node.parent >= 0 && morph_ == Morph::kFormula4 && cut.tau > 0.0) {
-      t = std::clamp(2.0 * projector.project(node.error, place) / cut.tau - 1.0, 0.0, 1.0);
+    } else if (node.parent >= 0 && morph_ == Morph::kFormula4 && claim.tau > 0.0) {
+      t = std::clamp(2.0 * projector.project(node.error, place) / claim.tau - 1.0, 0.0, 1.0);
     }
     picked.morph = static_cast<float>(t);
     picked.error = drawn_error(node, picked.morph);
     if (!picked.visible) continue;
-    cut.predicted_px = std::max(cut.predicted_px, projector.project(picked.error, place));
-    cut.triangles += submitted_triangles(node);
-    cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
-    ++cut.visible_nodes;
-    cut.missing_nodes += picked.missing;
+    claim.predicted_px = std::max(claim.predicted_px, projector.project(picked.error, place));
+    claim.triangles += submitted_triangles(node);
+    claim.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
+    ++claim.visible_nodes;
+    claim.missing_nodes += picked.missing;
   }
-  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
-                   (!budget.triangles || cut.triangles <= *budget.triangles) &&
-                   (!budget.nodes || cut.visible_nodes <= *budget.nodes);
+  claim.budget_met = claim.within(budget);
 }
 
 /// Children are requested when their parent is drawn, the most wanted first.
-void ChunkedSession::request_children(const Cut& cut, const Projector& projector) {
-  for (const CutNode& picked : cut.nodes) {
+void ChunkedSession::request_children(const Claim& claim, const Projector& projector) {
+  for (const CutNode& picked : claim.nodes) {
     const Node& node = hierarchy_->node[picked.node];
     if (!picked.visible || node.children == 0) continue;
     const double rho = projector.project(node.error, projector.place(node.lo, node.hi));
@@ -273,9 +272,7 @@ Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32
   }
   // Ids rise with depth: a node is covered when an ancestor is chosen.
   std::vector<uint8_t> covered(nodes.size(), 0);
-  Cut cut;
-  cut.options = options_json_;
-  cut.promises_bound = true;
+  Claim claim;
   for (size_t i = 0; i < nodes.size(); ++i) {
     const Node& node = nodes[i];
     covered[i] = node.parent >= 0 &&
@@ -288,13 +285,12 @@ Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32
                          std::to_string(node.row) + ", column " + std::to_string(node.col));
     }
     if (!chosen[i]) continue;
-    cut.nodes.push_back({static_cast<uint32_t>(i), 0, 1.0f, true, false, node.error});
-    cut.triangles += submitted_triangles(node);
-    cut.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
-    ++cut.visible_nodes;
+    claim.nodes.push_back({static_cast<uint32_t>(i), 0, 1.0f, true, false, node.error});
+    claim.triangles += submitted_triangles(node);
+    claim.filler_triangles += skirts_ ? (node.indices - node.surface_indices) / 3 : 0;
+    ++claim.visible_nodes;
   }
-  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
-  return cut;
+  return cut_by_hand(std::move(claim));
 }
 
 /// Each level with the leaves above it, at its own surface, at its parent's and half-way. Between those the
@@ -312,7 +308,7 @@ std::vector<Cut> ChunkedSession::audit_cuts() const {
     for (const float morph : {1.0f, 0.5f, 0.0f}) {
       if (level == 0 && morph < 1.0f) break;  // a root has no parent to come from
       Cut level_cut = cut(ids, {});
-      for (CutNode& picked : level_cut.nodes) {
+      for (CutNode& picked : level_cut.claim->nodes) {
         const Node& node = nodes[picked.node];
         if (node.level < level) continue;
         picked.morph = morph;

@@ -22,7 +22,7 @@ class ChunkedSession : public Session {
   ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy, const Options& options);
   ~ChunkedSession() override;
 
-  Cut select(const View& view, const Budget& budget) override;
+  Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;
@@ -35,13 +35,13 @@ class ChunkedSession : public Session {
     double rho;
     uint32_t node;
   };
-  void select_top_down(const Camera& camera, const Projector& projector, double tau, Cut& cut);
+  void select_top_down(const Camera& camera, const Projector& projector, double tau, Claim& claim);
   void select_by_priority(const Camera& camera, const Projector& projector, const LeastCut::Limits& limits,
-                          double target, Cut& cut);
-  void find_least(const Camera& camera, const LeastCut::Limits& limits, Cut& cut);
+                          double target, Claim& claim);
+  void find_least(const Camera& camera, const LeastCut::Limits& limits, Claim& claim);
   void want_least(const std::vector<uint32_t>& split);
-  void finish(const Projector& projector, const Budget& budget, Cut& cut) const;
-  void request_children(const Cut& cut, const Projector& projector);
+  void finish(const Projector& projector, const Budget& budget, Claim& claim) const;
+  void request_children(const Claim& claim, const Projector& projector);
   /// The bound of a node drawn with this morph weight: between its own and its parent's, and what floats
   /// round.
   double drawn_error(const Node& node, float morph) const {
@@ -56,7 +56,6 @@ class ChunkedSession : public Session {
   void admit_wanted(render::Submitted& submitted);
 
   std::shared_ptr<const ChunkedHierarchy> hierarchy_;
-  std::string options_json_;
   Projection projection_;
   Morph morph_;
   bool skirts_;

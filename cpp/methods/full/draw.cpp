@@ -144,14 +144,13 @@ FullSession::Gpu::Gpu(const FullHierarchy& hierarchy) {
   normals = make_map("a map of normals", hierarchy.normals(), frame.wraps, bytes);
 }
 
-FullSession::FullSession(std::shared_ptr<const FullHierarchy> hierarchy, const Options& options)
-    : hierarchy_(std::move(hierarchy)), options_json_(options.to_json()) {}
+FullSession::FullSession(std::shared_ptr<const FullHierarchy> hierarchy) : hierarchy_(std::move(hierarchy)) {}
 
 FullSession::~FullSession() = default;
 
 void FullSession::draw(const Cut& cut, render::Pass& pass) {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
-  if (cut.nodes.empty()) return;
+  if (cut.claim->nodes.empty()) return;
   const FieldFrame& frame = hierarchy_->frame();
   const int64_t total = hierarchy_->triangles();
   int64_t drawn = 0;

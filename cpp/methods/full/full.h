@@ -57,10 +57,10 @@ class FullHierarchy : public Hierarchy, public std::enable_shared_from_this<Full
 
 class FullSession : public Session {
  public:
-  FullSession(std::shared_ptr<const FullHierarchy> hierarchy, const Options& options);
+  explicit FullSession(std::shared_ptr<const FullHierarchy> hierarchy);
   ~FullSession() override;
 
-  Cut select(const View& view, const Budget& budget) override;
+  Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override { return {everything()}; }
   void draw(const Cut& cut, render::Pass& pass) override;
@@ -70,7 +70,6 @@ class FullSession : public Session {
   Cut everything() const;  ///< the one cut there is, of no view
 
   std::shared_ptr<const FullHierarchy> hierarchy_;
-  std::string options_json_;
   struct Gpu;  // GL objects, made by the first draw
   std::unique_ptr<Gpu> gpu_;
 };

@@ -88,8 +88,8 @@ int64_t FullHierarchy::vertices() const {
   return count;
 }
 
-std::unique_ptr<Session> FullHierarchy::session(const Options& draw_options) const {
-  return std::make_unique<FullSession>(shared_from_this(), draw_options);
+std::unique_ptr<Session> FullHierarchy::session(const Options&) const {
+  return std::make_unique<FullSession>(shared_from_this());
 }
 
 std::vector<float> FullHierarchy::heights() const {

@@ -7,18 +7,18 @@ namespace lodlab::full {
 
 Cut FullSession::everything() const {
   Cut cut;
-  cut.nodes = {CutNode{}};
-  cut.tau = 0.0;
-  cut.triangles = hierarchy_->triangles();
-  cut.visible_nodes = 1;
-  cut.options = options_json_;
+  Claim& claim = cut.claim.emplace();
+  claim.nodes = {CutNode{}};
+  claim.tau = 0.0;
+  claim.triangles = hierarchy_->triangles();
+  claim.visible_nodes = 1;
   return cut;
 }
 
-Cut FullSession::select(const View& view, const Budget&) {
-  make_camera(view);  // refuses views that are none
+Cut FullSession::select(const Request& request) {
+  make_camera(request.view);  // refuses views that are none
   Cut cut = everything();
-  cut.view = view;
+  cut.request = request;
   return cut;
 }
 

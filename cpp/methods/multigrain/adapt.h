@@ -27,9 +27,9 @@ class Adapter {
   /// The forest outlives it, and so does what says which of its heights are there; null: all of them.
   Adapter(const Forest& forest, Projection projection, Paging* paging = nullptr);
 
-  /// Fills the nodes and figures of a cut; the caller says what it promises. Throws Unsupported for an
+  /// Fills the nodes and figures of a claim; the caller says what it promises. Throws Unsupported for an
   /// algorithm that does not serve the budget.
-  void select(Adapt adapt, const Camera& camera, const Budget& budget, Cut& cut);
+  void select(Adapt adapt, const Camera& camera, const Budget& budget, Claim& claim);
   /// The next frame starts from the coarsest cut.
   void reset() {
     forget();
@@ -164,7 +164,7 @@ class Adapter {
   double drawn_error(uint32_t id) const;
   void stitch(double pixels);
   bool finer(uint32_t id, int wanted_stride);
-  void write(const Budget& budget, Cut& cut);
+  void write(const Budget& budget, Claim& claim);
 
   // What is there, and what is wanted: adapt_paging.cpp
   int finest_wanted(uint32_t id, double pixels) const;

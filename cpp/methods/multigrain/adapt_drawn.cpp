@@ -146,30 +146,28 @@ void Adapter::draw_it() {
   drawn_.assign(cut_.begin(), cut_.end());
 }
 
-void Adapter::write(const Budget& budget, Cut& cut) {
-  cut.nodes.resize(cut_.size());
-  cut.tau = 0.0;
+void Adapter::write(const Budget& budget, Claim& claim) {
+  claim.nodes.resize(cut_.size());
+  claim.tau = 0.0;
   for (size_t i = 0; i < cut_.size(); ++i) {
     const uint32_t id = cut_[i];
     const Spot& spot = spot_[id];
     const double error = drawn_error(id);
     const bool missing = spot.missing_in == frames_;
-    cut.nodes[i] = {id, static_cast<uint32_t>(spot.k), 1.0f, spot.visible, missing, error};
+    claim.nodes[i] = {id, static_cast<uint32_t>(spot.k), 1.0f, spot.visible, missing, error};
     if (!spot.visible) continue;
-    cut.missing_nodes += missing;
-    cut.tau = std::max(cut.tau, spot.rho);
-    cut.predicted_px = std::max(cut.predicted_px, projector_.project(error, spot.place));
+    claim.missing_nodes += missing;
+    claim.tau = std::max(claim.tau, spot.rho);
+    claim.predicted_px = std::max(claim.predicted_px, projector_.project(error, spot.place));
   }
-  cut.triangles = triangles_;
-  cut.visible_nodes = nodes_;
-  cut.adapt_steps = steps_;
+  claim.triangles = triangles_;
+  claim.visible_nodes = nodes_;
+  claim.adapt_steps = steps_;
   if (!frame_.fits) {
-    cut.least_triangles = least_cost_.triangles;
-    cut.least_nodes = least_cost_.nodes;
+    claim.least_triangles = least_cost_.triangles;
+    claim.least_nodes = least_cost_.nodes;
   }
-  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
-                   (!budget.triangles || triangles_ <= *budget.triangles) &&
-                   (!budget.nodes || nodes_ <= *budget.nodes);
+  claim.budget_met = claim.within(budget);
 }
 
 }  // namespace lodlab::multigrain

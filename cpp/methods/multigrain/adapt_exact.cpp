@@ -20,11 +20,12 @@ void Adapter::select_exact() {
   for (const auto& [id, k] : exact.cut(*error, frame_.nodes)) put(id, std::min<int>(k, most(id)));
 }
 
-double MultigrainSession::optimum_px(const View& view, const Budget& budget) const {
+double MultigrainSession::optimum_px(const Request& request) const {
+  const Budget& budget = request.budget;
   Exact::Limits limits;
   limits.triangles = budget.triangles.value_or(limits.triangles);
   limits.nodes = budget.nodes.value_or(limits.nodes);
-  Exact exact(*forest_, projection_, make_camera(view));
+  Exact exact(*forest_, projection_, make_camera(request.view));
   return exact.least_error(limits, budget.pixel_error.value_or(0.0))
       .value_or(std::numeric_limits<double>::quiet_NaN());
 }

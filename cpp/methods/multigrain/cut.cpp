@@ -52,10 +52,8 @@ Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<in
     chosen[id] = static_cast<uint8_t>(k);
   }
   check_covers(forest, chosen);
-  Cut cut;
-  cut.options = options_json_;
-  cut.promises_bound = forest.store->meta("bounds") != "bilinear";
-  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
+  Claim claim;
+  claim.promises_bound = forest.store->meta("bounds") != "bilinear";
   StrideMap map(static_cast<size_t>(forest.layout.blocks_x() * forest.layout.blocks_y()));
   for (size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i] != 0) forest.mark(forest.node[i], chosen[i], map);
@@ -63,12 +61,12 @@ Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<in
   for (size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i] == 0) continue;
     const Node& node = forest.node[i];
-    cut.nodes.push_back(
+    claim.nodes.push_back(
         {static_cast<uint32_t>(i), chosen[i], 1.0f, true, false, forest.drawn_error(node, chosen[i], map)});
-    cut.triangles += forest.at(node, chosen[i]).triangles;
-    ++cut.visible_nodes;
+    claim.triangles += forest.at(node, chosen[i]).triangles;
+    ++claim.visible_nodes;
   }
-  return cut;
+  return cut_by_hand(std::move(claim));
 }
 
 /// Every level at every resolution; each node at each resolution among larger strides: those of the last

@@ -256,9 +256,9 @@ void MultigrainSession::draw(const Cut& cut, render::Pass& pass) {
   if (!gpu_) gpu_ = std::make_shared<Gpu>(forest, *paging_, *maps_, pass.submitted);
   Gpu& gpu = *gpu_;
   gpu.map.resize(static_cast<size_t>((forest.layout.blocks_x() * forest.layout.blocks_y() + 3) / 4 * 4));
-  for (const CutNode& picked : cut.nodes)
+  for (const CutNode& picked : cut.claim->nodes)
     forest.mark(forest.node[picked.node], static_cast<int>(picked.resolution), gpu.map);
-  for (const CutNode& picked : cut.nodes) {
+  for (const CutNode& picked : cut.claim->nodes) {
     if (!picked.visible && !pass.everything()) continue;
     const uint32_t unit = paging_->unit(forest.node[picked.node], static_cast<int>(picked.resolution));
     ++pass.submitted.nodes;

@@ -111,7 +111,6 @@ Adapt adapt_of(const Options& options) {
 
 MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const Options& options)
     : forest_(std::move(forest)),
-      options_json_(options.to_json()),
       projection_(projection_of(options, forest_->frame)),
       adapt_(adapt_of(options)),
       paging_(std::make_unique<Paging>(forest_, options)),

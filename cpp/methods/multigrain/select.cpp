@@ -29,7 +29,7 @@ Adapt serving(Adapt adapt, const Budget& budget) {
 
 }  // namespace
 
-void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cut& cut) {
+void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Claim& claim) {
   adapt = serving(adapt, budget);
   ++frames_;
   projector_ = Projector(projection_, camera);
@@ -61,20 +61,19 @@ void Adapter::select(Adapt adapt, const Camera& camera, const Budget& budget, Cu
   }
   draw_it();
   if (paging_ != nullptr) page();
-  write(budget, cut);
+  write(budget, claim);
   undo(stitched_from_);
 }
 
-Cut MultigrainSession::select(const View& view, const Budget& budget) {
-  const Camera camera = make_camera(view);
-  Cut cut;
-  cut.view = view;
-  cut.options = options_json_;
-  cut.promises_bound = projection_ != Projection::kPaper && forest_->store->meta("bounds") != "bilinear";
+Cut MultigrainSession::select(const Request& request) {
+  const Camera camera = make_camera(request.view);
+  Cut cut{request, nullptr, Claim{}};
+  cut.claim->promises_bound =
+      projection_ != Projection::kPaper && forest_->store->meta("bounds") != "bilinear";
   paging_->residency().next_frame();
   maps_->next_frame();
-  adaptation_->select(adapt_, camera, budget, cut);
-  maps_->select(camera, cut);
+  adaptation_->select(adapt_, camera, request.budget, *cut.claim);
+  maps_->select(camera, *cut.claim);
   return cut;
 }
 

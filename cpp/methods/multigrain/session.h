@@ -24,8 +24,8 @@ class MultigrainSession : public Session {
   MultigrainSession(std::shared_ptr<const Forest> forest, const Options& options);
   ~MultigrainSession() override;
 
-  Cut select(const View& view, const Budget& budget) override;
-  double optimum_px(const View& view, const Budget& budget) const override;
+  Cut select(const Request& request) override;
+  double optimum_px(const Request& request) const override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;
@@ -38,7 +38,6 @@ class MultigrainSession : public Session {
   void next_round(render::Pass& pass);
 
   std::shared_ptr<const Forest> forest_;
-  std::string options_json_;
   Projection projection_;
   Adapt adapt_;
   std::unique_ptr<Paging> paging_;

@@ -12,8 +12,6 @@
 namespace lodlab::seamless {
 namespace {
 
-constexpr double kNoView = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
-
 /// Which patch of a cut covers each patch of the last level.
 class Cover {
  public:
@@ -159,21 +157,19 @@ Cut SeamlessSession::cut(const std::vector<int64_t>& ids, const std::vector<int3
                                : unpack(given[i].second, layout.resolutions);
   }
   check_agree(layout, cover, sorted, k);
-  Cut cut;
-  cut.options = options_json_;
-  cut.promises_bound = promises_bound();
-  cut.predicted_px = kNoView;
-  for (size_t i = 0; i < sorted.size(); ++i) add(layout.at(sorted[i]), k[i], cut);
-  return cut;
+  Claim claim;
+  claim.promises_bound = promises_bound();
+  for (size_t i = 0; i < sorted.size(); ++i) add(layout.at(sorted[i]), k[i], claim);
+  return cut_by_hand(std::move(claim));
 }
 
-void SeamlessSession::add(const Patch& p, const Resolutions& k, Cut& cut) const {
+void SeamlessSession::add(const Patch& p, const Resolutions& k, Claim& claim) const {
   const Layout& layout = hierarchy_->layout;
-  cut.nodes.push_back({static_cast<uint32_t>(layout.id(p)),
-                       static_cast<uint32_t>(pack(k, layout.resolutions)), 1.0f, true, false,
-                       hierarchy_->bound(p, k)});
-  cut.triangles += mesh_.triangles(k, layout.clip_x(p), layout.clip_y(p));
-  ++cut.visible_nodes;
+  claim.nodes.push_back({static_cast<uint32_t>(layout.id(p)),
+                         static_cast<uint32_t>(pack(k, layout.resolutions)), 1.0f, true, false,
+                         hierarchy_->bound(p, k)});
+  claim.triangles += mesh_.triangles(k, layout.clip_x(p), layout.clip_y(p));
+  ++claim.visible_nodes;
 }
 
 /// Every level with every four resolutions of a patch: edges take turns from line to line.
@@ -183,19 +179,17 @@ std::vector<Cut> SeamlessSession::audit_cuts() const {
   for (int level = 0; level < layout.levels; ++level) {
     for (int packed = 0; packed < packed_count(layout.resolutions); ++packed) {
       const Resolutions k = unpack(packed, layout.resolutions);
-      Cut cut;
-      cut.options = options_json_;
-      cut.promises_bound = promises_bound();
-      cut.predicted_px = kNoView;
+      Claim claim;
+      claim.promises_bound = promises_bound();
       for (int64_t y = 0; y < layout.down(level); ++y) {
         for (int64_t x = 0; x < layout.across(level); ++x) {
           Resolutions here = k;
           if (y % 2 != 0) std::swap(here[kNorth], here[kSouth]);
           if (x % 2 != 0) std::swap(here[kEast], here[kWest]);
-          add({level, y, x}, here, cut);
+          add({level, y, x}, here, claim);
         }
       }
-      out.push_back(std::move(cut));
+      out.push_back(cut_by_hand(std::move(claim)));
     }
   }
   return out;
@@ -221,12 +215,10 @@ std::optional<Cut> SeamlessSession::random_cut(uint64_t seed) const {
   const double weight = std::max(hierarchy_->book().largest(), 1e-300);
   const double fineness =
       random() % 4 == 0 ? selector.coarsest() * uniform(0.0, 1.0) : std::exp2(uniform(-6.0, 8.0)) / weight;
-  Cut cut;
-  cut.options = options_json_;
-  cut.promises_bound = promises_bound();
-  collect(selector, Precision::of(fineness), cut);
-  cut.predicted_px = kNoView;
-  return cut;
+  Claim claim;
+  claim.promises_bound = promises_bound();
+  collect(selector, Precision::of(fineness), claim);
+  return cut_by_hand(std::move(claim));
 }
 
 }  // namespace lodlab::seamless

@@ -200,7 +200,8 @@ void SeamlessSession::draw(const Cut& cut, render::Pass& pass) {
   Gpu& gpu = *gpu_;
   if (paging_->streams()) gpu.bring(0, std::nullopt, pass.submitted);
   // The last levels first: they are nearest and hide what comes after.
-  for (auto picked = cut.nodes.rbegin(); picked != cut.nodes.rend(); ++picked) {
+  const std::vector<CutNode>& nodes = cut.claim->nodes;
+  for (auto picked = nodes.rbegin(); picked != nodes.rend(); ++picked) {
     if (!picked->visible && !pass.everything()) continue;
     ++pass.submitted.nodes;
     for (const MapPatch& square : maps_->patches(*picked, pass.camera())) {

@@ -139,7 +139,6 @@ class Seamless : public Method {
 
 SeamlessSession::SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, const Options& options)
     : hierarchy_(std::move(hierarchy)),
-      options_json_(options.to_json()),
       projection_(projection_of(options, hierarchy_->frame)),
       metric_(metric_of(options)),
       mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions),

@@ -20,8 +20,9 @@ Selector::Cheapest SeamlessSession::asked_for(Selector& selector, const Budget& 
   return found.fits ? found : selector.cheapest(limits, asked, nullptr);
 }
 
-Cut SeamlessSession::select(const View& view, const Budget& budget) {
-  const Camera camera = make_camera(view);
+Cut SeamlessSession::select(const Request& request) {
+  const Camera camera = make_camera(request.view);
+  const Budget& budget = request.budget;
   const Projector projector(projection_, camera);
   Selector selector(*hierarchy_, mesh_, metric_, projector, &camera, scratch_);
   Selector::Limits limits;
@@ -30,28 +31,25 @@ Cut SeamlessSession::select(const View& view, const Budget& budget) {
   const Selector::Cheapest asked = asked_for(selector, budget, limits);
   if (paging_->streams()) ask_for(selector, asked.fineness, camera.eye);
   const double drawn = paging_->streams() ? stand_in(selector, limits, asked) : asked.fineness;
-  Cut cut;
+  Cut cut{request, nullptr, Claim{}};
+  Claim& claim = *cut.claim;
   if (!asked.fits) {
-    cut.least_triangles = asked.cost.triangles;
-    cut.least_nodes = asked.cost.nodes;
+    claim.least_triangles = asked.cost.triangles;
+    claim.least_nodes = asked.cost.nodes;
   }
-  cut.view = view;
-  cut.options = options_json_;
-  cut.promises_bound = promises_bound();
-  collect(selector, Precision::of(drawn), cut);
-  scratch_.leaves = cut.nodes.size();
+  claim.promises_bound = promises_bound();
+  collect(selector, Precision::of(drawn), claim);
+  scratch_.leaves = claim.nodes.size();
   if (paging_->streams()) {
-    for (const CutNode& picked : cut.nodes) {
+    for (const CutNode& picked : claim.nodes) {
       if (picked.visible) paging_->touch(picked.node, 2.0);
     }
   }
   maps_->next_frame();
-  maps_->select(camera, cut);
-  cut.adapt_steps = selector.traversed;
-  cut.tau = budget.pixel_error.value_or(cut.predicted_px);
-  cut.budget_met = (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error) &&
-                   (!budget.triangles || cut.triangles <= *budget.triangles) &&
-                   (!budget.nodes || cut.visible_nodes <= *budget.nodes);
+  maps_->select(camera, claim);
+  claim.adapt_steps = selector.traversed;
+  claim.tau = budget.pixel_error.value_or(claim.predicted_px);
+  claim.budget_met = claim.within(budget);
   return cut;
 }
 
@@ -111,20 +109,20 @@ void SeamlessSession::ask_for(Selector& selector, double asked, const glm::dvec3
   paging_->ask();
 }
 
-void SeamlessSession::collect(Selector& selector, const Precision& precision, Cut& cut) const {
+void SeamlessSession::collect(Selector& selector, const Precision& precision, Claim& claim) const {
   const Layout& layout = hierarchy_->layout;
-  cut.nodes.reserve(scratch_.leaves + scratch_.leaves / 4);
+  claim.nodes.reserve(scratch_.leaves + scratch_.leaves / 4);
   selector.traverse(precision, Selector::Scope::kWhole, [&](const Selector::Active& a) {
     const Patch& p = a.patch;
     const double error = a.visible ? selector.error(p, a.k) : selector.unseen_error(a);
     const bool missing = a.visible && selector.blocked(p, precision);
-    cut.nodes.push_back({static_cast<uint32_t>(a.id), static_cast<uint32_t>(pack(a.k, layout.resolutions)),
-                         1.0f, a.visible, missing, error});
+    claim.nodes.push_back({static_cast<uint32_t>(a.id), static_cast<uint32_t>(pack(a.k, layout.resolutions)),
+                           1.0f, a.visible, missing, error});
     if (!a.visible) return true;
-    cut.predicted_px = selector.pixels(p, error, cut.predicted_px);
-    cut.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));
-    ++cut.visible_nodes;
-    cut.missing_nodes += missing;
+    claim.predicted_px = selector.pixels(p, error, claim.predicted_px);
+    claim.triangles += mesh_.triangles(a.k, layout.clip_x(p), layout.clip_y(p));
+    ++claim.visible_nodes;
+    claim.missing_nodes += missing;
     return true;
   });
 }

@@ -23,7 +23,7 @@ class SeamlessSession : public Session {
   SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, const Options& options);
   ~SeamlessSession() override;
 
-  Cut select(const View& view, const Budget& budget) override;
+  Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   std::optional<Cut> random_cut(uint64_t seed) const override;
@@ -44,12 +44,11 @@ class SeamlessSession : public Session {
   double stand_in(Selector& selector, const Selector::Limits& limits, const Selector::Cheapest& asked);
   double stand_in_within(Selector& selector, const Selector::Limits& limits, double asked);
   void ask_for(Selector& selector, double asked, const glm::dvec3& eye);
-  void add(const Patch& p, const Resolutions& k, Cut& cut) const;
+  void add(const Patch& p, const Resolutions& k, Claim& claim) const;
   void admit_wanted(render::Submitted& submitted);
-  void collect(Selector& selector, const Precision& precision, Cut& cut) const;
+  void collect(Selector& selector, const Precision& precision, Claim& claim) const;
 
   std::shared_ptr<const Hierarchy> hierarchy_;
-  std::string options_json_;
   Projection projection_;
   Metric metric_;
   PatchMesh mesh_;

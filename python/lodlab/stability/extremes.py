@@ -15,7 +15,7 @@ from ..runs.flight import budget_text
 from ..sources.heightfield import HeightField
 from ..stores.session import Cut, Session
 from . import fields
-from .stage import Figure, Stage, Worst, chosen, look, refuses, state
+from .stage import Figure, Stage, Worst, chosen, look, refuses
 
 FAR = 6.4e6  # metres: as far as Earth's surface is from its centre
 SHADES = 2  # levels of 255 by which a pixel may differ and still be the same
@@ -56,7 +56,7 @@ def _translated(stage: Stage) -> Iterator[Figure]:
             away = look(view.eye + way, view.target + way, fov=view.fov, size=view.size, near=view.near)
             other = far.select(away, budget)
             draw = there.picture(far, other, away)
-            changed = len(chosen(other) ^ chosen(cut)) if state(other)[:2] != state(cut)[:2] else _morphs(other, cut)
+            changed = len(chosen(other) ^ chosen(cut)) or _morphs(other, cut)
             cuts.see(changed, draw)
             pixels.see(100.0 * _differing(far.draw(other, away).image, image), draw)
             moved.see(_beyond_exact(there, far, other, away), draw)
@@ -292,4 +292,5 @@ def _kept_or_missed_openly(stage: Stage, session: Session, cut: Cut, values: dic
         return spent == {"triangles": cut.least_triangles, "nodes": cut.least_nodes}
     if hard or cut.predicted_px <= target:
         return True
-    return state(session.select(view, _core.Budget(pixel_error=1e-300)))[0] == state(cut)[0]
+    finest = session.select(view, _core.Budget(pixel_error=1e-300))
+    return np.array_equal(finest.nodes["node"], cut.nodes["node"])

@@ -12,7 +12,7 @@ import numpy as np
 from .. import _core
 from ..stores.methods import options_of
 from ..stores.session import Cut, Session
-from .stage import NO_LIMIT, Figure, Stage, Worst, chosen, look, state, zero_if_unseen
+from .stage import NO_LIMIT, Figure, Stage, Worst, chosen, look, zero_if_unseen
 
 SETTLED = 3  # frames after which a still camera's cut is fixed
 SEEN_PX = 1.0  # a jump that is seen: what pop_area counts
@@ -53,7 +53,7 @@ def _frames_until_fixed(
     for f in range(1, frames + 1):
         cut = stage.frame(session, views[-1], budget)
         session.settle()
-        now = state(cut)
+        now = cut.digest
         if before is not None and now != before:
             fixed = f
         before = now
@@ -112,8 +112,8 @@ def _changes(stage: Stage, session: Session, view: _core.View, start: dict, held
     for _ in range(3):
         stage.frame(session, view, _core.Budget(**start))
     cuts = [stage.frame(session, view, _core.Budget(**held)) for _ in range(20)]
-    states = [state(cut) for cut in cuts[SETTLED - 1 :]]
-    return sum(a != b for a, b in zip(states[:-1], states[1:], strict=True)), cuts[-1]
+    digests = [cut.digest for cut in cuts[SETTLED - 1 :]]
+    return sum(a != b for a, b in zip(digests[:-1], digests[1:], strict=True)), cuts[-1]
 
 
 def history(stage: Stage) -> Iterator[Figure]:
@@ -127,7 +127,7 @@ def history(stage: Stage) -> Iterator[Figure]:
     reach = float(np.linalg.norm(view.target - view.eye))
     worst = Worst()
     for budget in stage.budget_kinds(session, view).values():
-        fresh = state(stage.frame(stage.session(), view, budget))
+        fresh = stage.frame(stage.session(), view, budget).digest
         differ = 0
         for _ in range(20):
             way = random.normal(size=3)
@@ -136,7 +136,7 @@ def history(stage: Stage) -> Iterator[Figure]:
                 there = look((1 - t) * start + t * view.eye, view.target, fov=view.fov, size=view.size)
                 stage.frame(session, there, budget)
             cut = stage.frame(session, view, budget)
-            differ += state(cut) != fresh
+            differ += cut.digest != fresh
         worst.see(differ, stage.picture(session, cut, view, "level"))
     yield worst.figure("arrivals with another cut, of 20", "cuts", 0)
 

@@ -25,7 +25,7 @@ from ..stores.build import store_for
 from ..stores.methods import method_table, still
 from ..stores.session import Cut, Session
 from . import rules
-from .stage import FLAWS, NO_LIMIT, Bench, pixel_slack, state
+from .stage import FLAWS, NO_LIMIT, Bench, pixel_slack
 from .tree import Tree
 from .trials import PAGING, Ground, Trial, make_source, make_view
 
@@ -299,14 +299,14 @@ class _Player:
         alone = set(values) == {"pixel_error"} or not self.table["budgets"]
         if self.trial.kind == "stream":
             budget = _core.Budget(**values)
-            states = []
+            digests: list[str] = []
             rest = 5 + int(self.store.nodes["level"].max())  # a level comes with each frame, and may show with the last
             for _ in range(STILL_FRAMES + rest):
-                states.append(state(Cut(flying.core.time_frame(view, budget)[0], flying)))
+                digests.append(Cut(flying.core.time_frame(view, budget)[0], flying).digest)
                 flying.settle()
-                if len(states) > rest and len(set(states[-rest:])) == 1:
+                if len(digests) > rest and len(set(digests[-rest:])) == 1:
                     break
-            self.note("settles", len(set(states[-rest:])) == 1, f"still moving after {len(states)} frames")
+            self.note("settles", len(set(digests[-rest:])) == 1, f"still moving after {len(digests)} frames")
             cut = Cut(flying.core.time_frame(view, budget)[0], flying)
             self.where = f"at rest, {view}, {values}: "
             self.check_budget(view, values, cut)
@@ -317,7 +317,7 @@ class _Player:
         if alone and roomy and not set(self.trial.draw) - set(PAGING):
             self.session.reset()
             fresh = self.session.select(view, _core.Budget(**values))
-            self.note("history", state(fresh)[:4] == state(cut)[:4], "another cut than of a fresh session")
+            self.note("history", fresh.digest == cut.digest, "another cut than of a fresh session")
 
     def play_cuts(self) -> None:
         random = np.random.default_rng(self.trial.seed)

@@ -284,12 +284,6 @@ def look(eye: Any, target: Any, **values: Any) -> _core.View:
     return _core.View(eye, target, **values)
 
 
-def state(cut: Cut) -> tuple[bytes, ...]:
-    """All that a cut draws: nodes, resolutions, morphs, visibility, stand-ins."""
-    nodes = cut.nodes
-    return tuple(nodes[name].tobytes() for name in ("node", "resolution", "morph", "visible", "missing"))
-
-
 def chosen(cut: Cut) -> frozenset[tuple[int, int]]:
     """The (node, resolution) pairs of a cut."""
     return frozenset(zip(cut.nodes["node"].tolist(), cut.nodes["resolution"].tolist(), strict=True))

@@ -119,6 +119,11 @@ class Cut:
         """The view that the cut was selected for."""
         return self.core.view
 
+    @property
+    def digest(self) -> str:
+        """Equal texts: two cuts of a store draw the same, whatever view draws them."""
+        return self._session.core.digest(self.core)
+
     def to_trimesh(self, view: Any = None, *, colors: bool = True) -> Any:
         """The whole cut as a `trimesh.Trimesh` in source coordinates.
 

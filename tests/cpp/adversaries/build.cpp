@@ -170,8 +170,8 @@ std::vector<NodeInfo> FamilyHierarchy::nodes() const {
   return out;
 }
 
-std::unique_ptr<Session> FamilyHierarchy::session(const Options& draw_options) const {
-  return std::make_unique<FamilySession>(shared_from_this(), draw_options);
+std::unique_ptr<Session> FamilyHierarchy::session(const Options&) const {
+  return std::make_unique<FamilySession>(shared_from_this());
 }
 
 }  // namespace lodlab::adversaries

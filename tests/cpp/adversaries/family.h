@@ -94,10 +94,10 @@ Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heigh
 
 class FamilySession : public Session {
  public:
-  FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy, const Options& options);
+  explicit FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy);
   ~FamilySession() override;
 
-  Cut select(const View& view, const Budget& budget) override;
+  Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;
@@ -105,11 +105,10 @@ class FamilySession : public Session {
   int64_t resident_bytes() const override;
 
  private:
-  Cut uniform(const View& view, int resolution) const;
-  void add(Cut& cut, int64_t node, int resolution, bool visible) const;
+  Claim uniform(const View& view, int resolution) const;
+  void add(Claim& claim, int64_t node, int resolution, bool visible) const;
 
   std::shared_ptr<const FamilyHierarchy> hierarchy_;
-  std::string options_json_;
   std::optional<View> view_;  ///< of the last selection, and its resolution
   int resolution_ = -1;
   struct Gpu;  // GL objects, made by the first draw

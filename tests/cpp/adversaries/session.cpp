@@ -4,7 +4,6 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
-#include <limits>
 
 #include "base/errors.h"
 #include "common/projection.h"
@@ -20,15 +19,6 @@ Box box_of(const Node& node) {
   return {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
 }
 
-bool fits_hard(const Cut& cut, const Budget& budget) {
-  return (!budget.triangles || cut.triangles <= *budget.triangles) &&
-         (!budget.nodes || cut.visible_nodes <= *budget.nodes);
-}
-
-bool fits(const Cut& cut, const Budget& budget) {
-  return fits_hard(cut, budget) && (!budget.pixel_error || cut.predicted_px <= *budget.pixel_error);
-}
-
 bool same(const View& a, const View& b) {
   return a.eye == b.eye && a.target == b.target && a.up == b.up && a.fov == b.fov && a.width == b.width &&
          a.height == b.height && a.near_plane == b.near_plane;
@@ -36,55 +26,55 @@ bool same(const View& a, const View& b) {
 
 }  // namespace
 
-FamilySession::FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy, const Options& options)
-    : hierarchy_(std::move(hierarchy)), options_json_(options.to_json()) {}
+FamilySession::FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy)
+    : hierarchy_(std::move(hierarchy)) {}
 
-void FamilySession::add(Cut& cut, int64_t id, int resolution, bool visible) const {
+void FamilySession::add(Claim& claim, int64_t id, int resolution, bool visible) const {
   const Node& node = hierarchy_->node[static_cast<size_t>(id)];
   CutNode picked;
   picked.node = static_cast<uint32_t>(id);
   picked.resolution = static_cast<uint32_t>(resolution);
   picked.visible = visible;
   picked.error = node.error[resolution];
-  cut.nodes.push_back(picked);
+  claim.nodes.push_back(picked);
   if (!visible) return;
-  cut.triangles += node.triangles[resolution];
-  cut.filler_triangles += node.fillers[resolution];
-  ++cut.visible_nodes;
+  claim.triangles += node.triangles[resolution];
+  claim.filler_triangles += node.fillers[resolution];
+  ++claim.visible_nodes;
 }
 
-Cut FamilySession::uniform(const View& view, int resolution) const {
+Claim FamilySession::uniform(const View& view, int resolution) const {
   const Camera camera = make_camera(view);
-  Cut cut;
-  cut.view = view;
-  cut.options = options_json_;
+  Claim claim;
   for (size_t id = 0; id < hierarchy_->node.size(); ++id) {
     const Node& node = hierarchy_->node[id];
     const bool visible = camera.sees(box_of(node));
-    add(cut, static_cast<int64_t>(id), resolution, visible);
+    add(claim, static_cast<int64_t>(id), resolution, visible);
     if (!visible) continue;
     const double px = project_strict(node.error[resolution], camera.K, distance(box_of(node), camera.eye),
                                      camera.near_plane, camera.s, 1.0);
-    cut.predicted_px = std::max(cut.predicted_px, px);
+    claim.predicted_px = std::max(claim.predicted_px, px);
   }
-  return cut;
+  return claim;
 }
 
-Cut FamilySession::select(const View& view, const Budget& budget) {
+Cut FamilySession::select(const Request& request) {
   const Family& method = hierarchy_->method;
-  const Budget allowed = method.allowed(budget);
-  Cut cuts[kResolutions] = {uniform(view, 0), uniform(view, 1)};
-  const int honest = (allowed.pixel_error && fits(cuts[0], allowed)) || !fits_hard(cuts[1], allowed) ? 0 : 1;
+  const View& view = request.view;
+  const Budget allowed = method.allowed(request.budget);
+  Claim claims[kResolutions] = {uniform(view, 0), uniform(view, 1)};
+  const int honest =
+      (allowed.pixel_error && claims[0].within(allowed)) || !claims[1].within_hard(allowed) ? 0 : 1;
   resolution_ = method.choose(honest, resolution_, view_ && same(*view_, view));
   view_ = view;
-  Cut& cut = cuts[resolution_];
-  cut.tau = budget.pixel_error.value_or(cut.predicted_px);
-  cut.budget_met = fits(cut, allowed);
-  if (!fits_hard(cuts[0], allowed)) {
-    cut.least_triangles = cuts[0].triangles;
-    cut.least_nodes = cuts[0].visible_nodes;
+  Claim& claim = claims[resolution_];
+  claim.tau = request.budget.pixel_error.value_or(claim.predicted_px);
+  claim.budget_met = claim.within(allowed);
+  if (!claims[0].within_hard(allowed)) {
+    claim.least_triangles = claims[0].triangles;
+    claim.least_nodes = claims[0].visible_nodes;
   }
-  return std::move(cut);
+  return {request, nullptr, std::move(claim)};
 }
 
 void FamilySession::reset() {
@@ -107,14 +97,12 @@ Cut FamilySession::cut(const std::vector<int64_t>& nodes, const std::vector<int3
     if (place >= 0) throw InvalidInput(name + " is given twice");
     place = resolution;
   }
-  Cut cut;
-  cut.options = options_json_;
+  Claim claim;
   for (size_t id = 0; id < count; ++id) {
     if (picked[id] < 0) throw InvalidInput("cut: gap: node " + std::to_string(id) + " is missing");
-    add(cut, static_cast<int64_t>(id), picked[id], true);
+    add(claim, static_cast<int64_t>(id), picked[id], true);
   }
-  cut.predicted_px = std::numeric_limits<double>::quiet_NaN();  // a cut by hand has no view yet
-  return cut;
+  return cut_by_hand(std::move(claim));
 }
 
 /// A node has one surface per resolution, whatever its neighbours are.
@@ -168,7 +156,7 @@ void FamilySession::draw(const Cut& cut, render::Pass& pass) {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
   pass.use(gpu_->program, *gpu_->field, {});
   gpu_->array.bind();
-  for (const CutNode& picked : cut.nodes) {
+  for (const CutNode& picked : cut.claim->nodes) {
     if (!picked.visible && !pass.everything()) continue;
     const int resolution = hierarchy_->method.drawn(static_cast<int>(picked.resolution), pass);
     if (resolution < 0) continue;
