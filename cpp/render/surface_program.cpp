@@ -22,6 +22,7 @@ std::vector<std::string> defines_of(const Variant& variant) {
   if (variant.coverage) defines.push_back("LODLAB_COVERAGE");
   if (variant.maps.colors) defines.push_back("LODLAB_COLORS");
   if (variant.maps.normals) defines.push_back("LODLAB_NORMALS");
+  if (variant.feedback) defines.push_back("LODLAB_FEEDBACK");
   return defines;
 }
 
@@ -45,7 +46,7 @@ unsigned Pass::program_of(SurfaceProgram& program, const Variant& variant) {
     spec.stages.push_back({GL_FRAGMENT_SHADER, "common/surface.frag"});
     spec.defines = defines_of(variant);
     spec.defines.insert(spec.defines.end(), impl.defines.begin(), impl.defines.end());
-    if (variant.feedback) spec.feedback = {"v_position", "v_grid", "v_node", "v_bits"};
+    if (variant.feedback) spec.feedback = {"v_captured_start", "v_captured_end"};
     compiled = gl::Program(spec);
   }
   return compiled.id();

@@ -7,10 +7,13 @@ invariant gl_Position;
 
 out vec3 v_position;    // relative to the eye
 out vec2 v_grid;        // (column, row) relative to the eye cell
-flat out uint v_node;
 flat out uint v_bits;   // level << 1 | filler
 #ifdef LODLAB_PLANET
 out float v_height;     // above the sphere, at the vertex: between vertices a triangle sags
+#endif
+#ifdef LODLAB_FEEDBACK  // CapturedVertex in two outputs: software devices copy output by output
+flat out uvec4 v_captured_start;  // position, column
+flat out uvec3 v_captured_end;    // row, node, bits
 #endif
 // Places in maps (u, v, layer): the method sets them beside emit_surface().
 #ifdef LODLAB_COLORS
@@ -29,6 +32,9 @@ void emit_surface(vec3 relative, vec2 grid, uint node, uint level, bool filler) 
   v_height = sqrt(squared) - camera.eye_world.w;
 #endif
   v_grid = grid;
-  v_node = node;
   v_bits = level << 1 | uint(filler);
+#ifdef LODLAB_FEEDBACK
+  v_captured_start = floatBitsToUint(vec4(relative, grid.x));
+  v_captured_end = uvec3(floatBitsToUint(grid.y), node, v_bits);
+#endif
 }
