@@ -137,7 +137,7 @@ double Measurement::drawn_triangles() {
 /// must be what was drawn with culling.
 double Measurement::capture_mismatch_pixels() {
   if (!subject_.pictures) return kUndefined;
-  const render::Picture again = render::replay(whole(), subject_.camera, *resources_, render::Show::kShade);
+  const render::Picture again = render::replay_depth(whole(), subject_.camera, *resources_);
   return static_cast<double>(depth_mismatch_pixels(drawn(), again));
 }
 

@@ -196,6 +196,15 @@ Picture replay(const Captured& captured, const Camera& camera, const FieldResour
   return draw_picture(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });
 }
 
+Picture replay_depth(const Captured& captured, const Camera& camera, const FieldResources& field) {
+  StaticMesh mesh(captured.vertices);
+  const gl::Framebuffer& target = bind_target(camera.width, camera.height);
+  clear_target(kBackground);
+  DrawPass pass(camera, kShowLine, false);
+  submit(pass, [&](Pass& into) { mesh.draw(into, field); });
+  return read_picture(target, camera.near_plane, true);
+}
+
 std::shared_ptr<StaticMesh> make_static_mesh(const Captured& captured, const std::vector<uint32_t>& indices,
                                              const std::vector<uint32_t>& first_use) {
   return std::make_shared<StaticMesh>(captured.vertices, indices, first_use);

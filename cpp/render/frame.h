@@ -54,6 +54,9 @@ Captured capture(const Camera& camera, const DrawCall& draw, bool everything);
 /// Draws captured triangles from a plain buffer with the same fragment shader and clip computation.
 Picture replay(const Captured& captured, const Camera& camera, const FieldResources& field, Show show);
 
+/// The same depth, in one colour: a third less time on a software device, where nothing is interpolated.
+Picture replay_depth(const Captured& captured, const Camera& camera, const FieldResources& field);
+
 struct Timing {
   double gpu_ms = 0.0;    ///< GL_TIME_ELAPSED, or wall time to glFinish on the software device
   double total_ms = 0.0;  ///< wall time from the first GL call to glFinish

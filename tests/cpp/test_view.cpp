@@ -256,6 +256,7 @@ TEST_CASE("replay: the captured triangles give the same picture and depth, bit f
     const Picture drawn = render::draw_picture(camera, show, drawing(mesh, *field));
     const Captured captured = render::capture(camera, drawing(mesh, *field), true);
     CHECK(same(drawn, render::replay(captured, camera, *field, show)));
+    if (show != Show::kClass) CHECK(drawn.depth == render::replay_depth(captured, camera, *field).depth);
     CHECK(std::count_if(drawn.depth.begin(), drawn.depth.end(), [](float d) { return std::isfinite(d); }) >
           10000);
   }
@@ -311,6 +312,7 @@ TEST_CASE("coverage: void cells are discarded, whatever triangle covers them") {
     for (int x = 40; x < 80; ++x) holes += empty(x, y);
   }
   CHECK(holes == doctest::Approx(100).epsilon(0.2));  // one cell, give or take its rim
+  CHECK(picture.depth == render::replay_depth(captured, make_camera(view), *field).depth);
   // The picture of the crack test has its voids filled: no void is a crack.
   const Picture classes = render::replay(captured, make_camera(view), *field, Show::kClass);
   CHECK(red(classes, 40 + 35, 40 + 25) == 255);
