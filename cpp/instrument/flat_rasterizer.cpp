@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Scan conversion of one triangle over the samples of a flat field. Corners are in grid coordinates
 // (x east in columns, y south in rows), so a triangle whose corners are samples is tested in whole numbers,
-// exactly. Per row the edges give a span of columns, one wider than needed, and every sample in it is tested.
+// exactly. Per row the edges give a span of columns, a little wider than needed; samples are tested from both
+// its ends to the first inside.
 #include <cmath>
 #include <utility>
 
@@ -98,13 +99,25 @@ void FlatRasterizer::fill(const Corner (&corners)[3], SurfaceWriter& out) const 
   for (double r = first; r <= last; r += 1.0) {
     Span span = whole;
     if (!narrow(span, edges[0], r) || !narrow(span, edges[1], r) || !narrow(span, edges[2], r)) continue;
-    for (double col = span.lo; col <= span.hi; col += 1.0) {
-      const double wa = edges[0].at(col, r), wb = edges[1].at(col, r), wc = edges[2].at(col, r);
-      if (!edges[0].holds(wa) || !edges[1].holds(wb) || !edges[2].holds(wc)) continue;
-      // Within the slack outside: the height of the nearest weights, never an extrapolation.
-      const double ia = std::max(wa, 0.0), ib = std::max(wb, 0.0), ic = std::max(wc, 0.0);
-      const double z = a.z + (ib * (b->z - a.z) + ic * (c->z - a.z)) / (ia + ib + ic);
-      out.put(static_cast<int64_t>(r), static_cast<int64_t>(col), z, z);
+    const auto inside = [&](double col) {
+      return edges[0].holds(edges[0].at(col, r)) && edges[1].holds(edges[1].at(col, r)) &&
+             edges[2].holds(edges[2].at(col, r));
+    };
+    while (span.lo <= span.hi && !inside(span.lo)) span.lo += 1.0;
+    while (span.lo < span.hi && !inside(span.hi)) span.hi -= 1.0;
+    while (span.lo <= span.hi) {
+      double z[SurfaceWriter::kMostInRow];
+      const int count =
+          static_cast<int>(std::min(span.hi - span.lo + 1.0, double{SurfaceWriter::kMostInRow}));
+      for (int i = 0; i < count; ++i) {
+        const double col = span.lo + i;
+        // Within the slack outside: the height of the nearest weights, never an extrapolation.
+        const double ia = std::max(edges[0].at(col, r), 0.0), ib = std::max(edges[1].at(col, r), 0.0),
+                     ic = std::max(edges[2].at(col, r), 0.0);
+        z[i] = a.z + (ib * (b->z - a.z) + ic * (c->z - a.z)) / (ia + ib + ic);
+      }
+      out.put_row(static_cast<int64_t>(r), static_cast<int64_t>(span.lo), z, count);
+      span.lo += count;
     }
   }
 }

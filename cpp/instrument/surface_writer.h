@@ -26,12 +26,28 @@ class SurfaceWriter {
   void put(int64_t row, int64_t col, double low, double high) {
     const size_t sample = static_cast<size_t>(row * field_.cols + col);
     const float deviation = this->deviation(row, col, low, high);
-    const uint32_t key = DrawnSurface::encode(deviation);
-    const std::atomic_ref<uint32_t> slot(keys_[sample]);
-    uint32_t seen = slot.load(std::memory_order_relaxed);
-    while (seen < key && !slot.compare_exchange_weak(seen, key, std::memory_order_relaxed)) {
-    }
+    keep_worst(sample, DrawnSurface::encode(deviation));
     if (field_.valid == nullptr || field_.valid[sample] != 0) worst_ = std::max(worst_, std::abs(deviation));
+  }
+
+  static constexpr int kMostInRow = 32;
+
+  /// put() of neighbours in a row of a flat field, at most kMostInRow, at one height each.
+  void put_row(int64_t row, int64_t col, const double* heights, int count) {
+    const size_t first = static_cast<size_t>(row * field_.cols + col);
+    const float* const source = field_.heights + first;
+    uint32_t keys[kMostInRow];
+    float size[kMostInRow], worst = worst_;
+    for (int i = 0; i < count; ++i) {
+      const float deviation = static_cast<float>(heights[i] - double{source[i]});
+      keys[i] = DrawnSurface::encode(deviation);
+      size[i] = std::abs(deviation);
+    }
+    for (int i = 0; i < count; ++i) {
+      keep_worst(first + i, keys[i]);
+      if (field_.valid == nullptr || field_.valid[first + i] != 0) worst = std::max(worst, size[i]);
+    }
+    worst_ = worst;
   }
 
   /// One that it or a neighbour covers: the best counts, where no triangle covers it for sure.
@@ -44,6 +60,12 @@ class SurfaceWriter {
   }
 
  private:
+  void keep_worst(size_t sample, uint32_t key) {
+    const std::atomic_ref<uint32_t> slot(keys_[sample]);
+    uint32_t seen = slot.load(std::memory_order_relaxed);
+    while (seen < key && !slot.compare_exchange_weak(seen, key, std::memory_order_relaxed)) {
+    }
+  }
   float deviation(int64_t row, int64_t col, double low, double high) const {
     const double source = grid_.height(field_, row, col);
     return static_cast<float>(low > source ? low - source : std::min(high - source, 0.0));
