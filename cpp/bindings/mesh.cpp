@@ -7,8 +7,10 @@
 #include <pybind11/stl.h>
 
 #include <optional>
+#include <vector>
 
 #include "bindings/common.h"
+#include "geometry/cube_sphere.h"
 
 namespace py = pybind11;
 
@@ -49,6 +51,38 @@ py::object rows(std::span<const Element> elements, const py::object& self) {
   return out;
 }
 
+/// A vector's elements as rows of `width` components, without a copy.
+template <class T, class Element>
+py::array_t<T> as_rows(std::vector<Element> elements) {
+  auto* kept = new std::vector<Element>(std::move(elements));
+  const py::capsule owner(kept, [](void* held) { delete static_cast<std::vector<Element>*>(held); });
+  const auto width = static_cast<py::ssize_t>(sizeof(Element) / sizeof(T));
+  return py::array_t<T>({static_cast<py::ssize_t>(kept->size()), width},
+                        reinterpret_cast<const T*>(kept->data()), owner);
+}
+
+py::tuple sphere(int64_t size) {
+  CubeSphere made;
+  {
+    const py::gil_scoped_release release;
+    made = cube_sphere(size);
+  }
+  return py::make_tuple(as_rows<double>(std::move(made.directions)),
+                        as_rows<uint32_t>(std::move(made.faces)));
+}
+
+py::tuple blob(int64_t size, uint64_t seed) {
+  CubeSphere made;
+  {
+    const py::gil_scoped_release release;
+    made = cube_sphere(size);
+    constexpr double kQuarter = 1.5707963267948966, kCells = 3.0;  // cells of the shortest wave
+    displace_into_blob(made.directions, seed, kCells * kQuarter / static_cast<double>(size - 1));
+  }
+  return py::make_tuple(as_rows<double>(std::move(made.directions)),
+                        as_rows<uint32_t>(std::move(made.faces)));
+}
+
 }  // namespace
 
 void bind_mesh(py::module_& module) {
@@ -83,6 +117,13 @@ void bind_mesh(py::module_& module) {
             return out;
           },
           "(2, 3) float64: least and largest coordinates of the vertices that faces use.");
+  module.def(
+      "cube_sphere", &sphere, py::arg("size"),
+      "Unit directions (V, 3) float64 and faces (F, 3) uint32 of a cube's surface, size x size points a "
+      "face, blown up.");
+  module.def("blob", &blob, py::arg("size"), py::arg("seed"),
+             "Positions (V, 3) float64 and faces (F, 3) uint32 of a fractal closed surface, a displaced cube "
+             "sphere.");
 }
 
 }  // namespace lodlab

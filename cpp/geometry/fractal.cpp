@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/errors.h"
+#include "base/mix.h"
 #include "base/parallel.h"
 
 #if defined(__clang__)
@@ -33,13 +34,6 @@ constexpr int kOctaves = kWidest - kFinest + 1;
 /// of a 3-arc-second tile of the Cascades at lags of 1 to 64 samples.
 constexpr std::array<float, kOctaves> kAmplitude = {7.0f,   26.0f,  85.0f,  170.0f, 300.0f, 480.0f,
                                                     650.0f, 650.0f, 700.0f, 700.0f, 800.0f, 800.0f};
-
-/// A well mixed hash of a lattice point (finalizer of splitmix64).
-inline uint64_t mix(uint64_t h) {
-  h = (h ^ (h >> 30)) * 0xbf58476d1ce4e5b9ull;
-  h = (h ^ (h >> 27)) * 0x94d049bb133111ebull;
-  return h ^ (h >> 31);
-}
 
 struct Gradient {
   float x, y;
