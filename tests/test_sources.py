@@ -512,12 +512,16 @@ def test_as_source_takes_what_a_user_has():
 
 def test_the_list_tells_the_truth():
     rows = {row["name"]: row for row in datasets.list()}
-    assert set(rows) == {"jacksboro", "earth", "fractal"}
+    assert set(rows) == {"jacksboro", "earth", "fractal", "earth-globe", "icosphere", "torus", "blob"}
     for name, row in rows.items():
         field = datasets.load(name)
+        assert field.kind == row["kind"]
+        if row["kind"] == "mesh":
+            assert len(field.faces) == row["triangles"]
+            continue
         assert field.shape == (row["rows"], row["cols"])
         assert field.spacing == pytest.approx(row["spacing"], rel=1e-3)
-        assert row["description"] and row["kind"] == "heightfield"
+        assert row["description"]
 
 
 def test_jacksboro_lies_where_its_corners_say():

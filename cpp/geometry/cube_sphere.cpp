@@ -161,7 +161,7 @@ void displace_into_blob(std::vector<glm::dvec3>& directions, uint64_t seed, doub
       for (double frequency = kWidest; frequency * finest <= 1.0; frequency *= 2.0, amplitude *= kFall) {
         radius += amplitude * noise(p * frequency, mix(seed * 0xd1342543de82ef95ull + ++octave));
       }
-      p = glm::dvec3(glm::vec3(p * radius));
+      p *= radius;
     }
   });
 }

@@ -36,6 +36,7 @@ from .runs.run import Run
 from .runs.sweep import Sweep
 from .sources import datasets
 from .sources.heightfield import HeightField
+from .sources.mesh import Mesh
 from .stores.build import build
 from .stores.methods import methods
 from .stores.session import Cut, Frame, Session
@@ -49,6 +50,7 @@ __all__ = [
     "Fit",
     "Frame",
     "HeightField",
+    "Mesh",
     "Run",
     "Session",
     "Store",

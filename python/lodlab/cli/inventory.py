@@ -82,5 +82,11 @@ def datasets_command(json_: Json = False) -> None:
         return
     for entry in found:
         typer.echo(f"{entry['name']}: {entry['description']}")
-        dx, dy = entry["spacing"]
-        typer.echo(f"  {entry['rows']} x {entry['cols']} samples, {dx:g} x {dy:g} m; keys: {', '.join(entry['keys'])}")
+        size = f"{entry['triangles']:,} triangles" if entry["kind"] == "mesh" else _grid_text(entry)
+        typer.echo(f"  {size}; keys: {', '.join(entry['keys'])}")
+
+
+def _grid_text(entry: dict[str, Any]) -> str:
+    """Samples and spacing of a data set of heights."""
+    dx, dy = entry["spacing"]
+    return f"{entry['rows']} x {entry['cols']} samples, {dx:g} x {dy:g} m"

@@ -17,7 +17,7 @@ from .frames import extent_of
 
 
 class Source:
-    """What stores are built from: `HeightField`, `WindowedHeightField`."""
+    """What stores are built from: `HeightField`, `WindowedHeightField`, `Mesh`."""
 
     name: str
     used: dict[str, str]  # what of a file was used to place it, in words
@@ -29,7 +29,7 @@ class Source:
 
     @property
     def kind(self) -> str:
-        """heightfield or planet: what `accepts` of a method lists."""
+        """heightfield, planet or mesh: what `accepts` of a method lists."""
         raise NotImplementedError
 
     @property

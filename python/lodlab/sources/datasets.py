@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Terrains that need no file of the user's: `jacksboro` and `earth` (real), `fractal` (generated); and the way from
-what a user names to a source."""
+"""Sources that need no file of the user's. Terrains: `jacksboro`, `earth` (real), `fractal` (generated). Meshes:
+`earth-globe` (real), `icosphere`, `torus`, `blob`. And the way from what a user names to a source."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ import numpy as np
 
 from .. import _core
 from ..errors import InvalidInput
+from . import shapes
 from .base import Source
 from .frames import DEFAULT_SPACING, make_frame, positive
 from .heightfield import HeightField, window_samples
+from .mesh import Mesh, is_trimesh
+from .mesh_files import format_of
 from .placement import metres_per_degree
 from .spec import format_spec, parse
 from .windowed import FractalReader, WindowedHeightField
@@ -28,12 +31,12 @@ class Dataset:
 
     name: str
     kind: str
-    rows: int
-    cols: int
-    spacing: tuple[float, float]
+    size: tuple[int, int] | None  # rows and columns; None: a mesh
+    spacing: tuple[float, float] | None  # metres
+    triangles: int | None  # of a mesh, by default
     description: str
     keys: tuple[str, ...]
-    make: Callable[..., HeightField]
+    make: Callable[..., Source]
 
 
 def _jacksboro_grid() -> tuple[np.ndarray, tuple[float, float], tuple[float, float]]:
@@ -93,6 +96,10 @@ def _earth(
         )
 
 
+def _earth_globe(size: int = 256, vertical_scale: float = 1.0) -> Mesh:
+    return shapes.globe(_earth(planet=True), size, vertical_scale)
+
+
 def fractal_window(
     rows: int, cols: int, row0: int = 0, col0: int = 0, *, seed: int = 1, roughness: float = 0.5
 ) -> np.ndarray:
@@ -139,9 +146,9 @@ DATASETS: dict[str, Dataset] = {
         Dataset(
             "jacksboro",
             "heightfield",
-            344,
-            403,
+            (344, 403),
             (74.6, 92.5),
+            None,
             "Jacksboro fault, Tennessee: SRTM, 3 arc-seconds (ships with matplotlib)",
             ("spacing", "vertical_scale", "nodata"),
             _jacksboro,
@@ -149,9 +156,9 @@ DATASETS: dict[str, Dataset] = {
         Dataset(
             "earth",
             "heightfield",
-            2161,
-            4320,
+            (2161, 4320),
             (9276.6, 9214.5),
+            None,
             "ETOPO5: the whole Earth, sea floor included, 5 arc-minutes; planet=true puts it on its sphere",
             ("spacing", "vertical_scale", "nodata", "planet", "radius", "window"),
             _earth,
@@ -159,12 +166,52 @@ DATASETS: dict[str, Dataset] = {
         Dataset(
             "fractal",
             "heightfield",
-            2049,
-            2049,
+            (2049, 2049),
             (30.0, 30.0),
+            None,
             "generated mountains without limits: size=2049, seed=1, roughness=0.5",
             ("size", "seed", "roughness", "spacing", "vertical_scale"),
             _fractal,
+        ),
+        Dataset(
+            "earth-globe",
+            "mesh",
+            None,
+            None,
+            12 * 255**2,
+            "ETOPO5 on its sphere as a closed mesh, size x size points a cube's face: size=256, vertical_scale=1",
+            ("size", "vertical_scale"),
+            _earth_globe,
+        ),
+        Dataset(
+            "icosphere",
+            "mesh",
+            None,
+            None,
+            20 * 4**5,
+            "the unit sphere, an icosahedron refined level times: level=5",
+            ("level",),
+            shapes.icosphere,
+        ),
+        Dataset(
+            "torus",
+            "mesh",
+            None,
+            None,
+            2 * 256 * 128,
+            "a torus of radius 1, genus 1: rings=256, sides=128, tube=0.4 (its radius)",
+            ("rings", "sides", "tube"),
+            shapes.torus,
+        ),
+        Dataset(
+            "blob",
+            "mesh",
+            None,
+            None,
+            12 * 255**2,
+            "a closed fractal surface as large as wanted, 12 (size - 1)^2 triangles: size=256, seed=1",
+            ("size", "seed"),
+            shapes.blob,
         ),
     )
 }
@@ -176,23 +223,34 @@ def load(source: str | os.PathLike[str]) -> Source:
     spec = parse(source, DATASETS)
     if not spec.is_file:
         return DATASETS[spec.name].make(**spec.keys)
-    return HeightField.open(spec.name, **spec.keys)
+    return (Mesh if format_of(spec.name) else HeightField).open(spec.name, **spec.keys)
 
 
 def as_source(source: Any) -> Source:
-    """A height field as it is; a SOURCE text or path loaded; an array with 30 m spacing."""
+    """A source as it is; a SOURCE text or path loaded; an array with 30 m spacing; a trimesh object."""
     if isinstance(source, Source):
         return source
     if isinstance(source, (str, os.PathLike)):
         return load(source)
     if isinstance(source, np.ndarray):
         return HeightField(source)
+    if is_trimesh(source):
+        return Mesh(source)
     what = type(source).__name__
     cure = "; its source is store.source" if what == "Store" else ""
-    raise InvalidInput(f"source: {what} is no height field, SOURCE text, path or array{cure}")
+    raise InvalidInput(f"source: {what} is no source, SOURCE text, path, array or trimesh object{cure}")
 
 
 def list() -> list[dict[str, Any]]:  # noqa: A001 - reads as lodlab.datasets.list()
-    """A row per data set: name, kind, rows, cols, spacing (dx, dy) in metres, description, keys."""
-    fields = ("name", "kind", "rows", "cols", "spacing", "description", "keys")
-    return [{name: getattr(dataset, name) for name in fields} for dataset in DATASETS.values()]
+    """A row per data set: name, kind, rows, cols and spacing (dx, dy) in metres of heights, triangles of a mesh,
+    description, keys."""
+    return [
+        {
+            "name": d.name,
+            "kind": d.kind,
+            **({"rows": d.size[0], "cols": d.size[1], "spacing": d.spacing} if d.size else {"triangles": d.triangles}),
+            "description": d.description,
+            "keys": d.keys,
+        }
+        for d in DATASETS.values()
+    ]

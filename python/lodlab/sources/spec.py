@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
+from .mesh_files import format_of
 from .raster import absolute
 
 
@@ -99,8 +100,13 @@ KEYS = {
     "size": Key(_whole, "a whole number from 2"),
     "seed": Key(_whole, "a whole number from 0"),
     "roughness": Key(_number, "a number from 0 to 1"),
+    "level": Key(_whole, "a whole number from 0"),
+    "rings": Key(_whole, "a whole number from 3"),
+    "sides": Key(_whole, "a whole number from 3"),
+    "tube": Key(_number, "a number between 0 and 1"),
 }
 FILE_KEYS = ("spacing", "vertical_scale", "nodata", "planet", "radius", "band", "window", "encoding", "offset")
+MESH_KEYS = ()
 
 
 @dataclass(frozen=True)
@@ -152,7 +158,8 @@ def parse(text: str | os.PathLike[str], datasets: Mapping[str, Any]) -> SourceSp
     if (inside := absolute(name, find_file)) is not None:
         return SourceSpec(inside, True, _read_keys(text, tail, FILE_KEYS, "a raster") if keyed else {})
     if colon and (path := find_file(head)) is not None:
-        return SourceSpec(os.path.abspath(path), True, _read_keys(text, tail, FILE_KEYS, "a raster file"))
+        keys, owner = (MESH_KEYS, "a mesh file") if format_of(path) else (FILE_KEYS, "a raster file")
+        return SourceSpec(os.path.abspath(path), True, _read_keys(text, tail, keys, owner))
     folder = data_folder()
     where = f"the working directory or {folder}" if folder is not None else "the working directory"
     raise InvalidInput(

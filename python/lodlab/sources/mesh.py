@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: MIT
+"""Triangle meshes: from arrays, trimesh objects and files. Any topology is a mesh; `census` says which it is.
+
+Positions are in the source's own units; outside is where a triangle's vertices run counter-clockwise. The native
+object (`_core.Mesh`) is immutable.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..errors import InvalidInput
+from .base import Source
+from .mesh_files import read_mesh
+from .polygons import MeshData
+from .raster import title
+from .spec import format_spec
+
+_COUNTED = 2**32  # vertices that 32-bit indices name
+
+
+def _array(what: str, values: Any, name: str, kinds: str, widths: tuple[int, ...]) -> np.ndarray:
+    """What the caller gave as (N, width); InvalidInput for another dtype or shape."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise InvalidInput(f"mesh: {what} of {name} are no array: {error}") from None
+    if array.size == 0 and array.dtype.kind == "f":
+        kinds += "f"  # an empty list
+    if array.ndim != 2 or array.shape[1] not in widths or array.dtype.kind not in kinds:
+        shapes = " or ".join(f"(N, {width})" for width in widths)
+        numbers = "whole numbers" if "f" not in kinds else "real numbers"
+        raise InvalidInput(f"mesh: {what} of {name} are {array.dtype} of shape {array.shape}, not {numbers} {shapes}")
+    return array
+
+
+def _faces(values: Any, vertices: int, name: str) -> np.ndarray:
+    """(F, 3) uint32; InvalidInput names the first index that no 32 bits hold."""
+    array = _array("faces", values, name, "iu", (3,))
+    if vertices > _COUNTED:
+        raise InvalidInput(f"mesh: {name} has {vertices} vertices; at most {_COUNTED} can be named by 32-bit indices")
+    if array.size and (int(array.min()) < 0 or int(array.max()) >= vertices):
+        face, corner = np.argwhere((array < 0) | (array >= vertices))[0]
+        raise InvalidInput(f"mesh: triangle {face} of {name} names vertex {array[face, corner]} of {vertices}")
+    return np.array(array, np.uint32, order="C")
+
+
+def _colors(values: Any, name: str) -> np.ndarray:
+    """(V, 4) uint8 from bytes, or from floats of 0 to 1."""
+    array = _array("colours", values, name, "iuf", (3, 4))
+    if array.dtype.kind == "f":
+        if not (array.size == 0 or 0.0 <= array.min() <= array.max() <= 1.0):
+            raise InvalidInput(f"mesh: colours of {name} are floats outside 0 to 1")
+        array = np.rint(array * 255.0)
+    elif array.size and not 0 <= int(array.min()) <= int(array.max()) <= 255:
+        raise InvalidInput(f"mesh: colours of {name} are whole numbers outside 0 to 255")
+    out = np.full((len(array), 4), 255, np.uint8)
+    out[:, : array.shape[1]] = array
+    return out
+
+
+class Mesh(Source):
+    """Triangles that index vertices.
+
+    Parameters
+    ----------
+    positions: (V, 3) real numbers, finite, within 1e30; or a trimesh object, whose vertex colours are kept.
+    faces: (F, 3) whole numbers from 0 to V - 1, at least one, at most 2^31 / 3.
+    colors: (V, 3 or 4), whole numbers of 0 to 255 or floats of 0 to 1.
+    normals: (V, 3), as the author wants them for shading; the geometry's own are the triangles'.
+
+    Raises
+    ------
+    InvalidInput: dtype, shape, an index out of range (the first is named), a position that is not finite.
+    """
+
+    def __init__(
+        self,
+        positions: Any,
+        faces: Any = None,
+        colors: Any = None,
+        normals: Any = None,
+        *,
+        name: str = "arrays",
+    ) -> None:
+        if faces is None:
+            positions, faces, colors = _of_trimesh(positions, colors)
+        points = np.array(_array("positions", positions, name, "iuf", (3,)), np.float64, order="C")
+        self._hold(
+            MeshData(
+                points,
+                _faces(faces, len(points), name),
+                None if colors is None else _colors(colors, name),
+                None if normals is None else np.array(_array("normals", normals, name, "iuf", (3,)), np.float32),
+            ),
+            name,
+            "",
+        )
+
+    @classmethod
+    def made(cls, data: MeshData, name: str, spec: str) -> Mesh:
+        """A mesh of arrays that nobody else holds, of the native types."""
+        mesh = cls.__new__(cls)
+        mesh._hold(data, name, spec)
+        return mesh
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Mesh:
+        """Reads a mesh file: PLY, OBJ, STL, OFF, glTF or GLB, each also gzipped (`.ply.gz`).
+
+        Polygons become triangles, triangle strips too; vertex colours and normals are kept; `used` says what was
+        done. InvalidInput names the path: missing, unreadable, damaged, without triangles; and as the constructor.
+        """
+        text = os.fspath(path)
+        data = read_mesh(text)
+        try:
+            return cls.made(data, title(text), format_spec(os.path.abspath(text), {}))
+        except InvalidInput as error:
+            raise InvalidInput(f"open {text}: {str(error).removeprefix('mesh: ')}") from None
+
+    def _hold(self, data: MeshData, name: str, spec: str) -> None:
+        self._core = _core.Mesh(data.positions, data.faces, data.colors, data.normals, spec=spec)
+        self.name = name
+        self.used = data.used
+        self._hash: str | None = None
+
+    @property
+    def core(self) -> Any:
+        """The native mesh."""
+        return self._core
+
+    @property
+    def kind(self) -> str:
+        return "mesh"
+
+    @property
+    def positions(self) -> np.ndarray:
+        """(V, 3) float64. Read-only."""
+        return self._core.positions
+
+    @property
+    def faces(self) -> np.ndarray:
+        """(F, 3) uint32, counter-clockwise from outside. Read-only."""
+        return self._core.faces
+
+    @property
+    def colors(self) -> np.ndarray | None:
+        """(V, 4) uint8, or None. Read-only."""
+        return self._core.colors
+
+    @property
+    def normals(self) -> np.ndarray | None:
+        """(V, 3) float32 as the source gives them, or None. Read-only."""
+        return self._core.normals
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float64: least and largest coordinates of the vertices that triangles use."""
+        return self._core.bounds
+
+    @property
+    def extent(self) -> float:
+        """The diagonal of its bounds."""
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
+
+    @property
+    def samples(self) -> int:
+        """Vertices."""
+        return len(self.positions)
+
+    @property
+    def spec(self) -> str:
+        """SOURCE text that loads this mesh again, or empty for arrays."""
+        return self._core.spec
+
+    def hash(self) -> str:
+        """32 hex digits of positions, faces, colours and normals."""
+        if self._hash is None:
+            self._hash = self._core.hash()
+        return self._hash
+
+    def thumbnail(self, width: int = 256) -> np.ndarray:
+        """The mesh from its front, upper right, (width, width, 3) uint8; y up."""
+        from .thumbnail import portrait
+
+        return portrait(self, width)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker process needs to have the same mesh."""
+        arrays = (self.positions, self.faces, self.colors, self.normals)
+        return {"arrays": arrays, "spec": self.spec, "name": self.name, "used": self.used}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._hold(MeshData(*state["arrays"], state["used"]), state["name"], state["spec"])
+
+    def __repr__(self) -> str:
+        parts = [f"{self.samples} vertices", f"{len(self.faces)} triangles", f"extent {self.extent:.6g}"]
+        parts += ["colours"] if self.colors is not None else []
+        return f"<Mesh {self.name}: {', '.join(parts)}>"
+
+
+def is_trimesh(value: Any) -> bool:
+    """Whether it is one of trimesh's meshes, without importing trimesh."""
+    return hasattr(value, "vertices") and hasattr(value, "faces")
+
+
+def _of_trimesh(value: Any, colors: Any) -> tuple[Any, Any, Any]:
+    """Positions, faces and colours of a trimesh object."""
+    if not is_trimesh(value):
+        raise InvalidInput(f"mesh: {type(value).__name__} is no trimesh object, and no faces are given")
+    if colors is None and getattr(getattr(value, "visual", None), "kind", None) == "vertex":
+        colors = value.visual.vertex_colors
+    return value.vertices, value.faces, colors
