@@ -238,7 +238,7 @@ def as_source(source: Any) -> Source:
         return Mesh(source)
     what = type(source).__name__
     cure = "; its source is store.source" if what == "Store" else ""
-    raise InvalidInput(f"source: {what} is no source, SOURCE text, path, array or trimesh object{cure}")
+    raise InvalidInput(f"source: {what} is no height field, mesh, SOURCE text, path, array or trimesh object{cure}")
 
 
 def list() -> list[dict[str, Any]]:  # noqa: A001 - reads as lodlab.datasets.list()
