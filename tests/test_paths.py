@@ -250,6 +250,14 @@ def test_keys_are_met_and_joined_smoothly():
     assert right == pytest.approx([30, 10, 0], abs=1e-2)  # Catmull-Rom: the slope between the neighbours
 
 
+def test_a_key_a_frame_brings_back_every_bit():
+    eyes = np.random.default_rng(1).normal(scale=1e5, size=(49, 3))
+    times = np.arange(49) / 48
+    keys = [{"t": t, "eye": eye.tolist(), "target": [0, 0, 0]} for t, eye in zip(times, eyes, strict=True)]
+    path = CameraPath.from_keys(keys, frames=49)
+    assert np.array_equal([path.at(path.time(f)).eye for f in range(49)], eyes)
+
+
 def test_keys_on_a_line_at_even_speed_give_a_line():
     keys = [{"t": t, "eye": (t, 2 * t, 3 * t), "target": (t, 2 * t, 3 * t - 1)} for t in (0.0, 0.1, 0.5, 0.9, 1.0)]
     path = CameraPath.from_keys(keys, frames=21)

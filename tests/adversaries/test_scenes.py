@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lodlab import stability
-from lodlab.stability import stage
+from lodlab.stability import stage, suite
 
 from .detectors import ADVERSARIES
 
@@ -31,7 +31,7 @@ def failed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     scenes = [dataclasses.replace(s, short=(SOURCE,)) for s in stability.SCENES if s.name in SCENES]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stage, "store_for", with_gap)
-        patch.setattr(stability, "SCENES", tuple(scenes))
+        patch.setattr(suite, "SCENES", tuple(scenes))
         folder = tmp_path_factory.mktemp("scenes")
         found = stability.run(folder, methods=ADVERSARIES, short=True, progress=False).failed
     return {method: set(found[found["method"] == method]["scene"]) for method in ADVERSARIES}

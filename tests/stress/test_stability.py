@@ -14,7 +14,7 @@ import pytest
 import lodlab as lod
 from lodlab import stability
 from lodlab.errors import InvalidInput, Unsupported
-from lodlab.stability import extremes, fields, motion, rules, structure
+from lodlab.stability import extremes, fields, motion, rules, structure, suite
 from lodlab.stability.stage import Bench, Figure, NotApplicable, Scene, Stage, Worst
 from lodlab.stability.tree import Tree
 
@@ -68,7 +68,7 @@ def run_one(tmp_path: Path, **values: object) -> stability.Stability:
 
 
 def test_a_figure_beyond_its_limit_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stability, "SCENES", scene_of(five))
+    monkeypatch.setattr(suite, "SCENES", scene_of(five))
     found = run_one(tmp_path)
     assert list(found.failed["figure"]) == ["fives"]
     assert found.failed["limit"].item() == 1.0
@@ -78,7 +78,7 @@ def test_a_figure_beyond_its_limit_is_a_failure(tmp_path: Path, monkeypatch: pyt
 def test_by_nature_holds_up_to_its_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float, verdict: str
 ) -> None:
-    monkeypatch.setattr(stability, "SCENES", scene_of(five))
+    monkeypatch.setattr(suite, "SCENES", scene_of(five))
     monkeypatch.setattr(rules, "read", lambda: [rules.Rule("chunked", {}, "s05", "a proof", limit)])
     found = run_one(tmp_path)
     assert list(found.table["verdict"]) == [verdict]
@@ -97,7 +97,7 @@ def test_by_nature_holds_up_to_its_limit(
 def test_by_nature_is_for_what_it_names_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rule: rules.Rule
 ) -> None:
-    monkeypatch.setattr(stability, "SCENES", scene_of(five))
+    monkeypatch.setattr(suite, "SCENES", scene_of(five))
     monkeypatch.setattr(rules, "read", lambda: [rule])
     assert list(run_one(tmp_path).table["verdict"]) == ["FAIL"]
 
@@ -106,7 +106,7 @@ def test_an_undefined_figure_is_a_failure(tmp_path: Path, monkeypatch: pytest.Mo
     def undefined(stage: Stage) -> Iterator[Figure]:
         yield Figure("undefined", math.nan, "px", 1.0)
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(undefined))
+    monkeypatch.setattr(suite, "SCENES", scene_of(undefined))
     assert len(run_one(tmp_path).failed) == 1
 
 
@@ -115,7 +115,7 @@ def test_a_scene_that_breaks_is_a_failure_that_names_the_error(tmp_path: Path, m
         yield Figure("before", 0.0, "px", 1.0)
         raise RuntimeError("the method fell over")
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(broken))
+    monkeypatch.setattr(suite, "SCENES", scene_of(broken))
     found = run_one(tmp_path)
     assert list(found.table["verdict"]) == ["pass", "FAIL"]
     assert found.failed["figure"].item() == "RuntimeError: the method fell over"
@@ -127,7 +127,7 @@ def test_what_a_choice_of_options_refuses_is_not_applicable(tmp_path: Path, monk
             raise Unsupported("not with these options")
         yield Figure("fine", 0.0, "px", 1.0)
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(picky, variants=True))
+    monkeypatch.setattr(suite, "SCENES", scene_of(picky, variants=True))
     table = stability.run(tmp_path, methods=["chunked"], progress=False).table
     refused = table["figure"] == "Unsupported: not with these options"
     assert set(table["verdict"][refused]) == {"not_applicable"} and set(table["verdict"][~refused]) == {"pass"}
@@ -138,7 +138,7 @@ def test_what_default_options_refuse_is_a_failure(tmp_path: Path, monkeypatch: p
         raise Unsupported("not at all")
         yield
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(refused))
+    monkeypatch.setattr(suite, "SCENES", scene_of(refused))
     assert list(run_one(tmp_path).failed["figure"]) == ["Unsupported: not at all"]
 
 
@@ -147,7 +147,7 @@ def test_not_applicable_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise NotApplicable("there is nothing to see")
         yield
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(idle))
+    monkeypatch.setattr(suite, "SCENES", scene_of(idle))
     found = run_one(tmp_path)
     assert list(found.table["verdict"]) == ["not_applicable"]
     assert found.table["figure"].item() == "there is nothing to see"
@@ -156,7 +156,7 @@ def test_not_applicable_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_method_that_accepts_no_source_has_a_row(tmp_path: Path) -> None:
     scene = Scene("s05", "on a planet", five, ("planet:2-degrees",), ("planet:2-degrees",))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stability, "SCENES", (scene,))
+        patch.setattr(suite, "SCENES", (scene,))
         found = run_one(tmp_path)
     assert list(found.table["verdict"]) == ["not_applicable"]
     assert "accepts heightfield" in found.table["figure"].item()
@@ -167,7 +167,7 @@ def test_interrupted_run_stops_and_keeps_its_rows(tmp_path: Path, monkeypatch: p
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr(stability, "SCENES", scene_of(five, "s04") + scene_of(stopped))
+    monkeypatch.setattr(suite, "SCENES", scene_of(five, "s04") + scene_of(stopped))
     with pytest.raises(KeyboardInterrupt):
         run_one(tmp_path)
     assert list(stability.read(tmp_path)["figure"]) == ["fives"]

@@ -15,17 +15,15 @@ import html
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from .. import _core
+from ..chart import COLOURS, INK, Chart, short
 from ..errors import InvalidInput, StoreError
 from ..stores.methods import still
 from ..stores.store import Store, as_store
-
-if TYPE_CHECKING:
-    from ..chart import Chart
 
 LEAST_RATIO = 0.01  # of the histogram: a bound of 0 that is broken stands there
 NOWHERE = -1  # the "node" of samples that no node covers
@@ -88,8 +86,6 @@ class Audit:
 
     def histogram(self) -> Chart:
         """How many times larger than the measured errors the bounds are, on a logarithmic axis."""
-        from .. import chart
-
         ratios = np.maximum(self._exceeding["ratio"].to_numpy(float), LEAST_RATIO)
         if ratios.size == 0:
             raise InvalidInput(f"histogram: no node of {self.store.path} is off by more than {self.slack:.3g}")
@@ -99,18 +95,18 @@ class Audit:
         def draw(figure: Any, theme: str) -> None:
             from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-            ink = chart.INK[theme]
+            ink = INK[theme]
             figure.set_size_inches(7.4, 3.6)
             ax = figure.subplots()
             low, high = min(ratios.min(), 1.0), max(ratios.max(), 2.0)
             each = 2.0 ** round(math.log2(40 / math.log2(high / low)))  # bins an octave; 1 is an edge
             first, last = math.floor(each * math.log2(low)) - 2, math.ceil(each * math.log2(high)) + 2
             edges = 2.0 ** (np.arange(first, last + 1) / each)
-            ax.hist(ratios, edges, color=chart.COLOURS[theme][0], edgecolor=ink["page"], linewidth=0.8)
+            ax.hist(ratios, edges, color=COLOURS[theme][0], edgecolor=ink["page"], linewidth=0.8)
             ax.set_xscale("log")
             ax.set_xlim(edges[0], edges[-1])
             ax.xaxis.set_major_locator(LogLocator(subs=(1, 1.2, 1.5, 2, 3, 5) if high < 8 * low else (1, 2, 5)))
-            ax.xaxis.set_major_formatter(FuncFormatter(chart.short))
+            ax.xaxis.set_major_formatter(FuncFormatter(short))
             ax.xaxis.set_minor_locator(NullLocator())
             ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
             ax.set_ylim(0, 1.22 * ax.get_ylim()[1])
@@ -126,7 +122,7 @@ class Audit:
             ax.set_ylabel("measurements")
             ax.set_title(title, loc="left", fontsize=10.5, fontweight="bold")
 
-        return chart.Chart(draw, "bound by measured error")
+        return Chart(draw, "bound by measured error")
 
     def __repr__(self) -> str:
         verdict = f"{len(self.broken)} BROKEN" if len(self.broken) else "every bound holds"

@@ -98,8 +98,8 @@ def _tangents(times: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _hermite(times: np.ndarray, values: np.ndarray, tangents: np.ndarray, time: float) -> np.ndarray:
-    """The cubic between two keys. By hand, because kept paths must come back bit for bit: it is exact at the keys, where
-    scipy's CubicHermiteSpline is off by two bits, and it takes the nan of what no key gives."""
+    """The cubic between two keys. By hand, because kept paths come back bit for bit: it is exact at the keys, where
+    scipy's CubicHermiteSpline is a bit or two off; and it lets pass the nan of what no key gives."""
     if len(times) == 1:
         return values[0].copy()
     i = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))

@@ -20,7 +20,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from .. import chart, pictures
+from .. import pictures
+from ..chart import Chart
 from ..disk import write_atomic
 from ..errors import InvalidInput
 from ..figures import number, percent
@@ -113,7 +114,7 @@ def _inline(data: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
-def _chart(chart: chart.Chart, caption: str, light: str | None = None) -> str:
+def _chart(chart: Chart, caption: str, light: str | None = None) -> str:
     """A chart in both dresses; the reader's colour scheme chooses. `light`: its SVG, where it is drawn already."""
     light, dark = (_inline(svg.encode(), "svg+xml") for svg in (light or chart.svg("light"), chart.svg("dark")))
     return (

@@ -22,7 +22,8 @@ from ..disk import write_atomic
 from ..figures import number
 from ..sources.spec import short_source
 from ..stores.methods import method_table
-from . import BY_NATURE, FAIL, NOT_APPLICABLE, PASS, SCENES, badness, picture_name
+from .rules import BY_NATURE, FAIL, NOT_APPLICABLE, PASS, badness
+from .scenes import SCENES
 from .stage import Scene
 
 WORDS = {PASS: "pass", BY_NATURE: "by nature", NOT_APPLICABLE: "not applicable", FAIL: "FAIL"}
@@ -132,3 +133,8 @@ def _provenance(record: Mapping[str, Any]) -> str:
         ("start, end", f"{record['start']} to {record['end']}"),
     ]
     return "<dl>" + "".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(str(v))}</dd>" for k, v in rows) + "</dl>"
+
+
+def picture_name(scene: str, method: str) -> str:
+    """The file of the worst frame of a scene and method, below `images/`."""
+    return f"{scene}-{method}.png"

@@ -8,10 +8,13 @@ refused when the file is read.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..errors import InvalidInput
 from ..runs.toml import read_config
@@ -19,6 +22,8 @@ from ..stores.methods import method_table
 
 NEVER_BY_DEFAULT = ("s01", "s02", "s07", "s11", "s12", "s13", "s14", "s15", "s16", "s20")
 KEYS = ("method", "options", "scene", "reason", "limit")
+PASS, BY_NATURE, NOT_APPLICABLE, FAIL = "pass", "by_nature", "not_applicable", "FAIL"
+_RANK = {NOT_APPLICABLE: 0, PASS: 1, BY_NATURE: 2, FAIL: 3}
 
 
 @dataclass(frozen=True)
@@ -84,3 +89,10 @@ def variants(method: str) -> list[dict[str, Any]]:
         choices = [True, False] if option["type"] == "bool" else option.get("choices", [])
         out += [{option["name"]: value} for value in choices if value != option["default"]]
     return out
+
+
+def badness(row: dict[str, Any]) -> float:
+    """How bad a row is beside the others of its scene and method: verdict first, then value over limit."""
+    value, limit = float(row["value"]), float(row["limit"])
+    over = value / limit if limit > 0 else value
+    return 10.0 * _RANK[row["verdict"]] + (0.0 if math.isnan(over) else float(np.clip(0.2 * np.arctan(over), -1, 1)))
