@@ -17,7 +17,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core, datasets
-from lodlab.bench import multigrain, suite
+from lodlab.bench import costs, lab, multigrain, suite
 from lodlab.errors import InvalidInput
 from lodlab.paths.path import CameraPath
 
@@ -27,23 +27,23 @@ FIELDS = {
 
 
 def record(**values):
-    return suite.record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
+    return lab.record("draw", "chunked/jacksboro", 1.0, "triangles/s", **values)
 
 
 def test_bootstrap_interval_holds_the_median_and_narrows_with_samples():
     noise = np.random.default_rng(3).normal(1.0, 0.1, 400)
-    few = suite.bootstrap_median(noise[:20])
-    many = suite.bootstrap_median(noise)
+    few = lab.bootstrap_median(noise[:20])
+    many = lab.bootstrap_median(noise)
     for median, low, high in (few, many):
         assert low <= median <= high
     assert many[2] - many[1] < few[2] - few[1]
     assert many[1] < 1.0 < many[2]
-    assert suite.bootstrap_median(noise) == many, "the interval is not repeatable"
+    assert lab.bootstrap_median(noise) == many, "the interval is not repeatable"
 
 
 def test_bootstrap_refuses_too_few():
     with pytest.raises(InvalidInput, match="at least 5"):
-        suite.bootstrap_median(np.ones(4))
+        lab.bootstrap_median(np.ones(4))
 
 
 def test_interleaved_swaps_the_order_from_pair_to_pair():
@@ -53,7 +53,7 @@ def test_interleaved_swaps_the_order_from_pair_to_pair():
         calls.append(name)
         return value
 
-    pairs = suite.interleaved(lambda: one("a", 1.0), lambda: one("b", 2.0), 4)
+    pairs = lab.interleaved(lambda: one("a", 1.0), lambda: one("b", 2.0), 4)
     assert calls == list("ab" + "ab" + "ba" + "ab" + "ba")
     assert (pairs == [1.0, 2.0]).all()
 
@@ -68,7 +68,7 @@ def test_check_names_what_falls_short(tmp_path):
     assert "0.94 " in suite.check([record(ratio_low=0.94)], bars)[0]
     assert len(suite.check([record(ratio_low=math.nan)], bars)) == 1, "an unmeasured figure passed"
     assert len(suite.check([record(ratio_low=0.96) | {"case": "full/jacksboro"}], bars)) == 1
-    slow = suite.record("select", "chunked/x", 10.5, "us/frame")
+    slow = lab.record("select", "chunked/x", 10.5, "us/frame")
     assert "above 10" in suite.check([slow], bars)[0]
 
 
@@ -147,13 +147,13 @@ def test_a_planet_resampled_has_no_fewer_triangles_and_its_own_heights():
 
 
 def test_random_cuts_are_counted_with_their_cracks(tmp_path):
-    lab = suite.Lab(tmp_path, lambda text: None)
+    shared = lab.Lab(tmp_path, lambda text: None)
     for tile in multigrain.TILES:
-        found = multigrain._cuts_of(lab, tile, 5)
+        found = multigrain._cuts_of(shared, tile, 5)
         assert found["details"]["cuts"] == 5 and found["details"]["crack_edges"] == 0 and found["value"] > 0.0
 
 
 def test_the_demo_that_is_timed_is_the_one_of_the_makefile():
     text = (Path(__file__).parents[1] / "Makefile").read_text().replace("\\\n", " ")
     (line,) = re.findall(r"^\t.venv/bin/lodlab (compare .*)", text, re.MULTILINE)
-    assert shlex.split(line) == [*suite.DEMO, "--out", "runs/demo"]
+    assert shlex.split(line) == [*costs.DEMO, "--out", "runs/demo"]
