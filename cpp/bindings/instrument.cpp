@@ -45,9 +45,12 @@ struct PyMeasurement {
 render::DrawCall draw_call(const Parts& parts) {
   std::vector<render::DrawCall> calls;
   for (const auto& [session, cut] : parts) calls.push_back(session->draw_call(*cut));
-  return [calls = std::move(calls)](render::Pass& pass) {
-    for (const render::DrawCall& call : calls) call(pass);
-  };
+  return {[calls](render::Work& work) {
+            for (const render::DrawCall& call : calls) call.prepare(work);
+          },
+          [calls](render::Pass& pass) {
+            for (const render::DrawCall& call : calls) call.draw(pass);
+          }};
 }
 
 /// What the method says that its hierarchy could reach at best where this cut was selected; empty for a cut

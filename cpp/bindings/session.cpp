@@ -57,7 +57,8 @@ const Cut& PySession::own(const PyCut& cut) const {
 
 render::DrawCall PySession::draw_call(const Cut& cut) {
   Session& session = drawing();
-  return [&session, &cut](render::Pass& pass) { session.draw(cut, pass); };
+  return {[&session, &cut](render::Work& work) { session.prepare(cut, work); },
+          [&session, &cut](render::Pass& pass) { session.draw(cut, pass); }};
 }
 
 render::Show show_of(const std::string& text) {

@@ -152,8 +152,14 @@ class Session {
   /// cover the source are one.
   virtual std::optional<Cut> random_cut(uint64_t /*seed*/) const { return std::nullopt; }
 
-  /// Submits the cut's GL calls into the pass: its visible nodes, or all when `pass.everything()`.
-  /// Uploads what is missing and resident in main memory; never waits for storage.
+  /// Runs passes of the method's own (a selection, a refinement: compute, transform feedback, framebuffers of
+  /// its own) ahead of draw(). They are timed, but neither captured nor counted as drawn. The GL state is
+  /// neutral, and is made so again afterwards; queries may be begun, but for GL_TIME_ELAPSED.
+  virtual void prepare(const Cut& /*cut*/, render::Work& /*work*/) {}
+
+  /// Submits the triangles of the cut into the pass: of its visible nodes, or all when `pass.everything()`.
+  /// Uploads what is missing and resident in main memory; never waits for storage. May come several times
+  /// after one prepare().
   virtual void draw(const Cut& cut, render::Pass& pass) = 0;
 
   /// Forgets adaptation state, so that a run starts the same way every time. Caches stay warm.

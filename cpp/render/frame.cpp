@@ -99,8 +99,18 @@ class PrimitiveCounter {
   bool running_ = true;
 };
 
-void submit(DrawPass& pass, const DrawCall& draw) {
-  draw(pass);
+/// What the cut needs ahead of its triangles; then the target.
+const gl::Framebuffer& begin(Work& work, const DrawCall& call, int width, int height) {
+  if (call.prepare) {
+    reset_state();
+    call.prepare(work);
+    gl::check("preparing the cut");
+  }
+  return bind_target(width, height);
+}
+
+void submit(DrawPass& pass, const DrawCall& call) {
+  call.draw(pass);
   gl::check("drawing the cut");
 }
 
@@ -114,15 +124,15 @@ gl::Buffer& capture_buffer() {
 
 }  // namespace
 
-Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool want_depth,
+Picture draw_picture(const Camera& camera, Show show, const DrawCall& call, bool want_depth,
                      bool everything) {
-  const gl::Framebuffer& target = bind_target(camera.width, camera.height);
+  DrawPass pass(camera, shader_show(show), everything);
+  const gl::Framebuffer& target = begin(pass, call, camera.width, camera.height);
   clear_target(clear_color(show));
   int64_t triangles = 0;
   if (show != Show::kNone) {
-    DrawPass pass(camera, shader_show(show), everything);
     PrimitiveCounter counter;
-    submit(pass, draw);
+    submit(pass, call);
     triangles = counter.stop();
   }
   Picture picture = read_picture(target, camera.near_plane, want_depth);
@@ -130,35 +140,33 @@ Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool
   return picture;
 }
 
-Picture draw_wire(const Camera& camera, const DrawCall& draw) {
-  const gl::Framebuffer& target = bind_target(camera.width, camera.height);
+Picture draw_wire(const Camera& camera, const DrawCall& call) {
+  DrawPass fill(camera, kShowFill, false);
+  const gl::Framebuffer& target = begin(fill, call, camera.width, camera.height);
   clear_target(kBackground);
   glEnable(GL_POLYGON_OFFSET_FILL);
   glPolygonOffset(-1.0f, -2.0f);  // away from the eye: depth is reversed
-  DrawPass fill(camera, kShowFill, false);
-  submit(fill, draw);
+  submit(fill, call);
   glDisable(GL_POLYGON_OFFSET_FILL);
   glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
   DrawPass lines(camera, kShowLine, false);
-  submit(lines, draw);
+  submit(lines, call);
   glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
   return read_picture(target, camera.near_plane, true);
 }
 
-Captured capture(const Camera& camera, const DrawCall& draw, bool everything) {
+Captured capture(const Camera& camera, const DrawCall& call, bool everything) {
   constexpr int64_t kMostBytes = INT32_MAX;
   gl::Buffer& buffer = capture_buffer();
-  bind_target(16, 16);
-  glEnable(GL_RASTERIZER_DISCARD);
   for (;;) {
     CapturePass pass(camera, everything, buffer);
-    draw(pass);
+    begin(pass, call, 16, 16);
+    glEnable(GL_RASTERIZER_DISCARD);
+    call.draw(pass);
     const int64_t needed = pass.finish();
     gl::check("capturing the cut");
-    if (needed <= buffer.bytes()) {
-      glDisable(GL_RASTERIZER_DISCARD);
-      return {camera.eye, std::move(pass.vertices())};
-    }
+    glDisable(GL_RASTERIZER_DISCARD);
+    if (needed <= buffer.bytes()) return {camera.eye, std::move(pass.vertices())};
     if (needed > kMostBytes) {
       throw Unsupported("capture: one batch of " + std::to_string(needed) + " bytes is above the limit of " +
                         std::to_string(kMostBytes));
@@ -167,27 +175,28 @@ Captured capture(const Camera& camera, const DrawCall& draw, bool everything) {
   }
 }
 
-Timing time_draw(const Camera& camera, Show show, const DrawCall& draw) {
+Timing time_draw(const Camera& camera, Show show, const DrawCall& call) {
   const bool software = gl::ensure_context().software;
   glFinish();
   const Clock::time_point start = Clock::now();
-  bind_target(camera.width, camera.height);
   GpuTimer timer(!software);
+  DrawPass pass(camera, shader_show(show), false);
+  begin(pass, call, camera.width, camera.height);
   if (show == Show::kNone) {
     glEnable(GL_RASTERIZER_DISCARD);
   } else {
     clear_target(clear_color(show));
   }
-  DrawPass pass(camera, shader_show(show), false);
-  submit(pass, draw);
+  submit(pass, call);
   timer.stop();
   glFinish();
   Timing timing;
   timing.total_ms = milliseconds(Clock::now() - start);
   timing.gpu_clock = software ? "wall" : "query";
   timing.gpu_ms = software ? timing.total_ms : timer.milliseconds();
-  timing.submitted = pass.submitted;
   glDisable(GL_RASTERIZER_DISCARD);
+  pass.tell();
+  timing.submitted = pass.submitted;
   return timing;
 }
 

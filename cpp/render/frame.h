@@ -3,6 +3,7 @@
 // Everything here runs on the thread that owns the GL context.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -14,8 +15,18 @@
 
 namespace lodlab::render {
 
-/// Submits a cut into a pass (Session::draw bound to its cut).
-using DrawCall = std::function<void(Pass&)>;
+/// How a cut is drawn (Session::prepare and draw, bound to it).
+struct DrawCall {
+  std::function<void(Work&)> prepare;  ///< passes of its own, in neutral state; may be empty
+  std::function<void(Pass&)> draw;     ///< the triangles
+
+  DrawCall() = default;
+  DrawCall(std::function<void(Work&)> before, std::function<void(Pass&)> triangles)
+      : prepare(std::move(before)), draw(std::move(triangles)) {}
+  template <std::invocable<Pass&> Draw>
+  DrawCall(Draw triangles) : draw(std::move(triangles)) {}
+  explicit operator bool() const { return static_cast<bool>(draw); }
+};
 
 /// Row 0 is the top row. Depth is the distance along the view axis, infinity where nothing was drawn.
 struct Picture {
@@ -42,14 +53,14 @@ struct Captured {
 };
 
 /// Draws into an offscreen target of the camera's size and reads colour (and depth, if wanted) back.
-Picture draw_picture(const Camera& camera, Show show, const DrawCall& draw, bool want_depth = true,
+Picture draw_picture(const Camera& camera, Show show, const DrawCall& call, bool want_depth = true,
                      bool everything = false);
 
 /// The same with lines of every triangle over a pale surface.
-Picture draw_wire(const Camera& camera, const DrawCall& draw);
+Picture draw_wire(const Camera& camera, const DrawCall& call);
 
 /// The triangles that the very program which draws emits; the buffer grows until nothing is lost.
-Captured capture(const Camera& camera, const DrawCall& draw, bool everything);
+Captured capture(const Camera& camera, const DrawCall& call, bool everything);
 
 /// Draws captured triangles from a plain buffer with the same fragment shader and clip computation.
 Picture replay(const Captured& captured, const Camera& camera, const FieldResources& field, Show show);
@@ -58,14 +69,14 @@ Picture replay(const Captured& captured, const Camera& camera, const FieldResour
 Picture replay_depth(const Captured& captured, const Camera& camera, const FieldResources& field);
 
 struct Timing {
-  double gpu_ms = 0.0;    ///< GL_TIME_ELAPSED, or wall time to glFinish on the software device
+  double gpu_ms = 0.0;    ///< of both parts: GL_TIME_ELAPSED, or wall time to glFinish on the software device
   double total_ms = 0.0;  ///< wall time from the first GL call to glFinish
   std::string gpu_clock;  ///< "query" or "wall"
   Submitted submitted;
 };
 
 /// Draws once without reading anything back. Show::kNone turns the rasterizer off.
-Timing time_draw(const Camera& camera, Show show, const DrawCall& draw);
+Timing time_draw(const Camera& camera, Show show, const DrawCall& call);
 
 /// The benchmark's reference: one static buffer holding these triangles with equal positions (indexed,
 /// 32-bit indices, meshoptimizer's vertex cache and fetch order, done by the caller), drawn with one call

@@ -16,6 +16,10 @@ class DrawPass : public Pass {
   /// `show` is a value of LODLAB_SHOW.
   DrawPass(const Camera& camera, int show, bool everything);
   unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) override;
+  /// Adds what only the GPU knew; call when all is done.
+  void tell() {
+    for (const Tell& one : tells_) one(submitted);
+  }
 
  protected:
   /// Binds program, camera block and field for this variant.

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
-// A pass: one drawing of a cut into the current target, or one capture of its triangles.
-// A method supplies vertices; everything after its last geometry stage is shared (shaders/common).
+// Work: what a method does on the GPU for one picture of a cut. A pass is the part of it that draws: into the
+// current target, or into a capture of its triangles. A method supplies vertices; everything after its last
+// geometry stage is shared (shaders/common).
 #pragma once
 
 #include <compare>
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
 #include <memory>
 #include <string>
@@ -65,13 +67,31 @@ class SurfaceProgram {
 
 struct Variant;
 
-/// Handed to Session::draw.
-class Pass {
+/// Handed to Session::prepare.
+class Work {
  public:
-  virtual ~Pass() = default;
+  virtual ~Work() = default;
+  /// What the cut is drawn from.
   const Camera& camera() const { return camera_; }
   /// True in captures of the whole cut: culled nodes are submitted too.
   bool everything() const { return everything_; }
+  Submitted submitted;  ///< the method adds what it submits
+
+  using Tell = std::function<void(Submitted&)>;
+  /// For what only the GPU knows: called when all is done, not timed, and only where it is asked for. It
+  /// reads buffers and queries.
+  void when_done(Tell tell) { tells_.push_back(std::move(tell)); }
+
+ protected:
+  Work(const Camera& camera, bool everything) : camera_(camera), everything_(everything) {}
+  Camera camera_;
+  bool everything_;
+  std::vector<Tell> tells_;
+};
+
+/// Handed to Session::draw.
+class Pass : public Work {
+ public:
   /// Binds the program's variant for this pass, the camera block and the field's resources, and returns
   /// the GL program name (for the method's own uniforms). Called before the method's draw calls, again
   /// after any other program was bound. The stages compile with LODLAB_COLORS and LODLAB_NORMALS
@@ -82,14 +102,11 @@ class Pass {
   /// Triangles that one use() takes well. Where a draw submits more, the method may split it and call use()
   /// again in between: a capture then needs less memory. No limit in pictures.
   virtual int64_t batch_triangles() const { return INT64_MAX; }
-  Submitted submitted;  ///< the method adds what it submits
 
  protected:
+  using Work::Work;
   /// The program of this variant, compiled on first use.
   static unsigned program_of(SurfaceProgram& program, const Variant& variant);
-  Pass(const Camera& camera, bool everything) : camera_(camera), everything_(everything) {}
-  Camera camera_;
-  bool everything_;
 };
 
 }  // namespace lodlab::render

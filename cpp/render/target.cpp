@@ -16,19 +16,6 @@ namespace {
 
 constexpr size_t kKeptTargets = 4;
 
-void set_default_state() {
-  glDisable(GL_CULL_FACE);
-  glDisable(GL_BLEND);
-  glDisable(GL_DITHER);
-  glDisable(GL_RASTERIZER_DISCARD);
-  glDisable(GL_POLYGON_OFFSET_FILL);
-  glEnable(GL_DEPTH_TEST);
-  glDepthFunc(GL_GREATER);
-  glDepthMask(GL_TRUE);
-  glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
-  gl::check("setting a pass's state");
-}
-
 /// Most recently used first; never destroyed, as the context is not.
 std::vector<std::unique_ptr<gl::Framebuffer>>& targets() {
   static auto* kept = new std::vector<std::unique_ptr<gl::Framebuffer>>;
@@ -36,6 +23,21 @@ std::vector<std::unique_ptr<gl::Framebuffer>>& targets() {
 }
 
 }  // namespace
+
+void reset_state() {
+  for (const GLenum off : {GL_CULL_FACE, GL_BLEND, GL_DITHER, GL_RASTERIZER_DISCARD, GL_POLYGON_OFFSET_FILL,
+                           GL_SCISSOR_TEST, GL_STENCIL_TEST, GL_DEPTH_CLAMP, GL_PRIMITIVE_RESTART})
+    glDisable(off);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_GREATER);
+  glDepthMask(GL_TRUE);
+  glDepthRange(0.0, 1.0);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+  glFrontFace(GL_CCW);
+  glBindTransformFeedback(GL_TRANSFORM_FEEDBACK, 0);
+  gl::check("setting a pass's state");
+}
 
 const gl::Framebuffer& bind_target(int width, int height) {
   const gl::Info& info = gl::ensure_context();
@@ -55,7 +57,7 @@ const gl::Framebuffer& bind_target(int width, int height) {
     kept.insert(kept.begin(), std::make_unique<gl::Framebuffer>(width, height));
   }
   kept.front()->bind();
-  set_default_state();
+  reset_state();
   return *kept.front();
 }
 

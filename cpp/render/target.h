@@ -7,8 +7,12 @@
 
 namespace lodlab::render {
 
-/// The target of the camera's size, bound, with default state: no culling, depth test GREATER, rasterizer
-/// on. InvalidInput when the viewport is larger than the device's.
+/// The neutral state that everything starts from, whatever a method's own passes have left: no culling, depth
+/// test GREATER, all of the target written, triangles filled, rasterizer on.
+void reset_state();
+
+/// The target of the camera's size, bound, in neutral state. InvalidInput when the viewport is larger than
+/// the device's.
 const gl::Framebuffer& bind_target(int width, int height);
 
 /// Clears colour (four floats) and depth of the bound target.

@@ -2,6 +2,7 @@
 // Views, and what is drawn through them: places and depths of a known triangle, depth precision, capture,
 // replay, coverage, planets. Everything ends without a GL error.
 #include <doctest/doctest.h>
+#include <epoxy/gl.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,8 +15,11 @@
 #include "geometry/view.h"
 #include "gl/context.h"
 #include "gl/error.h"
+#include "gl/framebuffer.h"
+#include "gl/query.h"
 #include "render/field_resources.h"
 #include "render/frame.h"
+#include "render/gl_pass.h"
 #include "render/replay.h"
 
 using namespace lodlab;
@@ -285,6 +289,69 @@ TEST_CASE("static mesh: indexed vertices draw the same surface") {
   CHECK(timing.gpu_clock == (gl::ensure_context().software ? "wall" : "query"));
   indices[0] = static_cast<uint32_t>(first_use.size());
   CHECK_THROWS_AS(render::make_static_mesh(source, indices, first_use), InvalidInput);
+}
+
+TEST_CASE(
+    "a method's own passes: neutral before and after, told when all is done, neither captured nor counted") {
+  const auto field = resources(flat_frame());
+  render::StaticMesh mesh(sheet(40).vertices);
+  const Camera camera = make_camera(north(120));
+  int prepared = 0;
+  bool neutral = true;
+  const auto draw = [&](render::Pass& pass) { mesh.draw(pass, *field); };
+  const render::DrawCall plain = draw;
+  const auto prepare = [&](render::Work& work) {
+    ++prepared;
+    GLint mode[2] = {GL_FILL, GL_FILL}, query = 0;
+    glGetIntegerv(GL_POLYGON_MODE, mode);
+    glGetQueryiv(GL_PRIMITIVES_GENERATED, GL_CURRENT_QUERY, &query);
+    GLboolean feedback = GL_FALSE;
+    glGetBooleanv(GL_TRANSFORM_FEEDBACK_ACTIVE, &feedback);
+    neutral &= mode[0] == GL_FILL && query == 0 && feedback == GL_FALSE &&
+               !glIsEnabled(GL_RASTERIZER_DISCARD) && !glIsEnabled(GL_POLYGON_OFFSET_FILL) &&
+               !glIsEnabled(GL_CULL_FACE) && glIsEnabled(GL_DEPTH_TEST);
+    // Triangles of its own, in a framebuffer of its own, counted by a query of its own.
+    const auto own = std::make_shared<gl::Framebuffer>(16, 16);
+    const auto generated = std::make_shared<gl::Query>(GL_PRIMITIVES_GENERATED);
+    own->bind();
+    render::DrawPass pass(work.camera(), render::shader_show(Show::kLevel), work.everything());
+    generated->begin();
+    draw(pass);
+    generated->end();
+    work.when_done([own, generated](render::Submitted& told) {
+      told.vertices += 1000 * static_cast<int64_t>(generated->result());
+    });
+    for (const GLenum on : {GL_CULL_FACE, GL_BLEND, GL_SCISSOR_TEST, GL_RASTERIZER_DISCARD, GL_STENCIL_TEST})
+      glEnable(on);
+    glDisable(GL_DEPTH_TEST);
+    glScissor(0, 0, 1, 1);
+    glColorMask(GL_FALSE, GL_TRUE, GL_FALSE, GL_TRUE);
+    glDepthMask(GL_FALSE);
+    glDepthRange(0.5, 0.6);
+    glFrontFace(GL_CW);
+    glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
+  };
+  const render::DrawCall call{prepare, draw};
+  for (const Show show : {Show::kShade, Show::kClass}) {
+    const Picture expected = render::draw_picture(camera, show, plain);
+    const Picture drawn = render::draw_picture(camera, show, call);
+    CHECK(same(drawn, expected));
+    CHECK(drawn.triangles == expected.triangles);
+  }
+  CHECK(prepared == 2);
+  CHECK(same(render::draw_wire(camera, call), render::draw_wire(camera, plain)));
+  CHECK(prepared == 3);
+  CHECK(render::capture(camera, call, true).triangles() == 3200);
+  CHECK(prepared == 4);
+  const render::Timing alone = render::time_draw(camera, Show::kShade, plain);
+  for (const Show show : {Show::kShade, Show::kNone}) {
+    const render::Timing timing = render::time_draw(camera, show, call);
+    CHECK(timing.submitted.triangles == 3200);
+    CHECK(timing.submitted.vertices == alone.submitted.vertices + 3200 * 1000);
+  }
+  CHECK(neutral);
+  CHECK(same(render::draw_picture(camera, Show::kShade, plain),
+             render::draw_picture(camera, Show::kShade, call)));
 }
 
 TEST_CASE("coverage: void cells are discarded, whatever triangle covers them") {
