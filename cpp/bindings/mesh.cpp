@@ -6,11 +6,15 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <limits>
 #include <optional>
 #include <vector>
 
 #include "bindings/common.h"
 #include "geometry/cube_sphere.h"
+#include "geometry/mesh_census.h"
+#include "geometry/mesh_repair.h"
+#include "geometry/polygons.h"
 
 namespace py = pybind11;
 
@@ -59,6 +63,85 @@ py::array_t<T> as_rows(std::vector<Element> elements) {
   const auto width = static_cast<py::ssize_t>(sizeof(Element) / sizeof(T));
   return py::array_t<T>({static_cast<py::ssize_t>(kept->size()), width},
                         reinterpret_cast<const T*>(kept->data()), owner);
+}
+
+py::dict census(const Mesh& mesh) {
+  MeshCensus counted;
+  {
+    const py::gil_scoped_release release;
+    counted = mesh_census(mesh);
+  }
+  py::dict out;
+  out["components"] = counted.components;
+  out["boundary_edges"] = counted.boundary_edges;
+  out["nonmanifold_edges"] = counted.nonmanifold_edges;
+  out["nonmanifold_vertices"] = counted.nonmanifold_vertices;
+  out["genus"] = counted.genus;
+  out["duplicate_triangles"] = counted.duplicate_triangles;
+  out["degenerate_triangles"] = counted.degenerate_triangles;
+  out["unused_vertices"] = counted.unused_vertices;
+  out["oriented"] = counted.oriented;
+  return out;
+}
+
+py::array_t<uint32_t> as_array(std::vector<uint32_t> values) {
+  auto rows = as_rows<uint32_t>(std::move(values));
+  return rows.reshape({rows.size()});
+}
+
+py::tuple repaired(const Mesh& mesh, const Repairs& wanted) {
+  Repaired made;
+  {
+    const py::gil_scoped_release release;
+    made = repair(mesh, wanted);
+  }
+  py::dict counts;
+  counts["welded"] = made.welded;
+  counts["degenerate"] = made.degenerate;
+  counts["duplicates"] = made.duplicates;
+  counts["turned"] = made.turned;
+  counts["inside_out"] = made.inside_out;
+  counts["one_sided"] = made.one_sided;
+  counts["split"] = made.split;
+  counts["unused"] = made.unused;
+  return py::make_tuple(as_array(std::move(made.origin)), as_rows<uint32_t>(std::move(made.faces)), counts);
+}
+
+py::array_t<uint32_t> same_positions(const py::array& positions) {
+  const auto points = checked<double>("first_at_position", positions, "positions", {-1, 3}, "(V, 3) float64");
+  if (points.shape(0) > std::numeric_limits<uint32_t>::max())
+    throw InvalidInput("first_at_position: more than 2^32 - 1");
+  std::vector<uint32_t> first;
+  {
+    const py::gil_scoped_release release;
+    first = first_at_position(span_of<glm::dvec3>(points));
+  }
+  return as_array(std::move(first));
+}
+
+py::array_t<uint32_t> polygons(const py::array& positions, const py::array& corners, const py::array& sizes) {
+  const std::string who = "polygon_triangles";
+  const auto points = checked<double>(who, positions, "positions", {-1, 3}, "(V, 3) float64");
+  const auto indices = checked<uint32_t>(who, corners, "corners", {-1}, "(C,) uint32");
+  const auto counts = checked<int64_t>(who, sizes, "sizes", {-1}, "(P,) int64");
+  const auto corner_span = span_of<uint32_t>(indices);
+  const auto size_span = span_of<int64_t>(counts);
+  int64_t total = 0;
+  for (const int64_t size : size_span) {
+    if (size < 0 || size > static_cast<int64_t>(corner_span.size()) - total) {
+      throw InvalidInput(who + ": sizes that do not add up to the corners");
+    }
+    total += size;
+  }
+  for (const uint32_t corner : corner_span) {
+    if (corner >= points.shape(0)) throw InvalidInput(who + ": a corner that is no vertex");
+  }
+  std::vector<Face> faces;
+  {
+    const py::gil_scoped_release release;
+    faces = polygon_triangles(span_of<glm::dvec3>(points), corner_span, size_span);
+  }
+  return as_rows<uint32_t>(std::move(faces));
 }
 
 py::tuple sphere(int64_t size) {
@@ -116,7 +199,25 @@ void bind_mesh(py::module_& module) {
             }
             return out;
           },
-          "(2, 3) float64: least and largest coordinates of the vertices that faces use.");
+          "(2, 3) float64: least and largest coordinates of the vertices that faces use.")
+      .def("census", &census, "What kind of surface it is, counted: as geometry/mesh_census.h has it.")
+      .def(
+          "repaired",
+          [](const Mesh& m, bool weld, bool degenerate, bool duplicates, bool orient, bool split,
+             bool unused) {
+            return repaired(m, {weld, degenerate, duplicates, orient, split, unused});
+          },
+          py::kw_only(), py::arg("weld") = false, py::arg("degenerate") = false,
+          py::arg("duplicates") = false, py::arg("orient") = false, py::arg("split") = false,
+          py::arg("unused") = false,
+          "The vertex that each vertex was (V',) uint32, faces (F', 3) uint32, and what was done, counted: "
+          "as "
+          "geometry/mesh_repair.h has it.");
+  module.def("first_at_position", &same_positions, py::arg("positions"),
+             "(V,) uint32: for each of (V, 3) positions the first that equals it.");
+  module.def(
+      "polygon_triangles", &polygons, py::arg("positions"), py::arg("corners"), py::arg("sizes"),
+      "Faces (F, 3) uint32 of polygons: `sizes` (P,) int64 corners each, (C,) uint32 one after the other.");
   module.def(
       "cube_sphere", &sphere, py::arg("size"),
       "Unit directions (V, 3) float64 and faces (F, 3) uint32 of a cube's surface, size x size points a "

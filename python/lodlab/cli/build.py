@@ -14,6 +14,8 @@ from .. import _core
 from ..disk import is_store
 from ..errors import InvalidInput
 from ..runs import tables
+from ..sources.base import FieldSource
+from ..sources.mesh import Mesh
 from . import verdicts
 from .arguments import Force, Json, Method, OptionTexts, SourceOption, SourceText, options_from, print_json, print_table
 
@@ -87,7 +89,7 @@ def info(
         if verify or audit:
             raise InvalidInput(f"info: {what} is a source; --{'verify' if verify else 'audit'} is for stores")
         found = source_info(what)
-        print_json(found) if json_ else print_table(["", ""], [[k, v] for k, v in found.items()])
+        print_json(found) if json_ else print_table(["", ""], [[k, _shown(v)] for k, v in found.items()], left=2)
         return
     store = open_store(Path(what), source)
     found = store.info()
@@ -110,18 +112,37 @@ def info(
         verdicts.print_audit(audited, json_=False)
 
 
+def _shown(value: Any) -> str:
+    """A value of `info` for people."""
+    if isinstance(value, list):
+        return ", ".join(f"{v:.9g}" if isinstance(v, float) else str(v) for v in value)
+    return str(value)
+
+
 def source_info(text: str) -> dict[str, Any]:
     """What `info` says of a source."""
-    field = lodlab.datasets.load(text)
-    frame = dict(field.core.frame())
+    source = lodlab.datasets.load(text)
+    said = _mesh_info(source) if source.kind == "mesh" else _field_info(source)
+    return {"source": source.spec, **source.used, **said, "source_hash": source.hash()}
+
+
+def _field_info(field: FieldSource) -> dict[str, Any]:
     flat = ("dx", "dy", "x0", "y0")
     round_ = ("radius", "lon0", "lat0", "dlon", "dlat", "wraps")
     hidden = flat if field.planet else round_
+    frame = {k: v for k, v in field.core.frame().items() if k not in hidden}
+    return {**frame, "samples": field.samples, "void_samples": field.void_samples}
+
+
+def _mesh_info(mesh: Mesh) -> dict[str, Any]:
+    low, high = mesh.bounds.tolist()
+    attributes = [what for what, array in (("colors", mesh.colors), ("normals", mesh.normals)) if array is not None]
     return {
-        "source": field.spec,
-        **field.used,
-        **{k: v for k, v in frame.items() if k not in hidden},
-        "samples": field.shape[0] * field.shape[1],
-        "void_samples": field.void_samples,
-        "source_hash": field.hash(),
+        "vertices": mesh.samples,
+        "triangles": len(mesh.faces),
+        "lowest": low,
+        "highest": high,
+        "extent": mesh.extent,
+        "attributes": attributes,
+        **mesh.census,
     }

@@ -46,7 +46,7 @@ class Yardstick:
     @property
     def pictures(self) -> bool:
         """Whether there are reference pictures; without, their columns are nan. None above 32 M samples."""
-        few = not self.source.windowed and self.source.shape[0] * self.source.shape[1] <= PICTURE_SAMPLES
+        few = not self.source.windowed and self.source.samples <= PICTURE_SAMPLES
         return few and self.metrics == "all"
 
     def instrument(self) -> Any:

@@ -237,7 +237,7 @@ class _Search:
         self.build_options, self.given = build_options, draw_options
         self.draw_options = still(method, draw_options)
         self.rungs = _rungs(field, method)
-        self.steps = _budgets(method, limit, field.shape[0] * field.shape[1])
+        self.steps = _budgets(method, limit, field.samples)
         dense = track.dense(DENSER)
         self.dense = dense
         self.views = list(dense.views(size, fov))

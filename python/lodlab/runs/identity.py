@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from ..paths.terrain import BUILT_IN
 from ..sources.base import Source
 from ..sources.datasets import as_source
 from ..sources.heightfield import HeightField
+from ..sources.mesh import Mesh
 from .directory import RunDirectory
 from .toml import toml_text
 
@@ -103,43 +105,64 @@ def _kept(folder: Path, name: str, data: bytes, fresh: bool) -> str:
     return f"paths/{name}"
 
 
-def keep_array(folder: Path, name: str, field: HeightField, most_mb: float) -> None:
-    """Writes the samples of a field without a SOURCE text as `sources/NAME.npy`, voids NaN, and its frame beside
-    it. Nothing where a SOURCE text loads it, and where it is larger than `most_mb`."""
-    if field.spec or field.filled.nbytes > most_mb * 2**20:
+def keep_array(folder: Path, name: str, source: Source, most_mb: float) -> None:
+    """Writes what a source without a SOURCE text is made of: heights as `sources/NAME.npy`, voids NaN, a mesh's arrays
+    as `NAME.npz`, and where it lies and its hash beside them. Nothing where a SOURCE text loads it, and where it is
+    larger than `most_mb`."""
+    if source.spec:
         return
-    file = _array_file(folder, name)
-    state = field.__getstate__()
-    frame = json.dumps({**state["frame"], "name": state["name"], "hash": field.hash()}, indent=2) + "\n"
-    if file.exists() and file.with_suffix(".json").exists() and file.with_suffix(".json").read_text() == frame:
+    mesh = isinstance(source, Mesh)
+    arrays = _arrays_of(source) if mesh else {"heights": source.heights}
+    if sum(array.nbytes for array in arrays.values()) > most_mb * 2**20:
+        return
+    file = _array_file(folder, name, mesh)
+    frame = {} if mesh else source.__getstate__()["frame"]
+    about = json.dumps({**frame, "name": source.name, "hash": source.hash()}, indent=2) + "\n"
+    if file.exists() and file.with_suffix(".json").exists() and file.with_suffix(".json").read_text() == about:
         return
     file.parent.mkdir(parents=True, exist_ok=True)
     data = io.BytesIO()
-    np.save(data, field.heights)
-    file.unlink(missing_ok=True)  # no moment with the frame of one and the samples of another
-    write_atomic(file.with_suffix(".json"), frame)
+    np.savez(data, **arrays) if mesh else np.save(data, arrays["heights"])
+    for kind in (True, False):
+        _array_file(folder, name, kind).unlink(
+            missing_ok=True
+        )  # no moment with the frame of one and the arrays of another
+    write_atomic(file.with_suffix(".json"), about)
     write_atomic(file, data.getvalue())
 
 
-def kept_array(folder: Path, name: str) -> HeightField | None:
-    """What `keep_array` wrote, or None. StoreError when it is not what its frame says."""
-    file = _array_file(folder, name)
-    if not file.is_file():
+def kept_array(folder: Path, name: str) -> Source | None:
+    """What `keep_array` wrote, or None. StoreError when it is not what was written beside it."""
+    file = next((f for f in (_array_file(folder, name, mesh) for mesh in (False, True)) if f.is_file()), None)
+    if file is None:
         return None
     try:
-        heights = np.load(file, allow_pickle=False)
-        frame = json.loads(file.with_suffix(".json").read_text())
-        title, digest = frame.pop("name"), frame.pop("hash")
-        valid = np.isfinite(heights)
-        mask = None if valid.all() else np.ascontiguousarray(valid).view(np.uint8)
-        if mask is not None:
-            _core.fill_voids(heights, mask)
-        field = HeightField.__new__(HeightField)
-        field.__setstate__({"arrays": (heights, mask), "frame": frame, "spec": "", "name": title})
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        about = json.loads(file.with_suffix(".json").read_text())
+        title, digest = about.pop("name"), about.pop("hash")
+        if file.suffix == ".npz":
+            with file.open("rb") as opened, np.load(opened, allow_pickle=False) as arrays:
+                source: Source = Mesh(**arrays, name=title)
+        else:
+            source = _field_of(np.load(file, allow_pickle=False), about, title)
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise StoreError(f"source {name}: {file} is damaged: {error}") from None
-    if field.hash() != digest:
-        raise StoreError(f"source {name}: {file} is damaged: its hash is {field.hash()}, not {digest}")
+    if source.hash() != digest:
+        raise StoreError(f"source {name}: {file} is damaged: its hash is {source.hash()}, not {digest}")
+    return source
+
+
+def _arrays_of(mesh: Mesh) -> dict[str, np.ndarray]:
+    arrays = {"positions": mesh.positions, "faces": mesh.faces, "colors": mesh.colors, "normals": mesh.normals}
+    return {name: array for name, array in arrays.items() if array is not None}
+
+
+def _field_of(heights: np.ndarray, frame: dict[str, Any], name: str) -> HeightField:
+    valid = np.isfinite(heights)
+    mask = None if valid.all() else np.ascontiguousarray(valid).view(np.uint8)
+    if mask is not None:
+        _core.fill_voids(heights, mask)
+    field = HeightField.__new__(HeightField)
+    field.__setstate__({"arrays": (heights, mask), "frame": frame, "spec": "", "name": name})
     return field
 
 
@@ -154,8 +177,8 @@ def path_in(folder: Path, text: str) -> str | Path:
     return folder / text if (folder / text).is_file() else text
 
 
-def _array_file(folder: Path, name: str) -> Path:
-    return folder / "sources" / f"{_safe(name)}.npy"
+def _array_file(folder: Path, name: str, mesh: bool) -> Path:
+    return folder / "sources" / f"{_safe(name)}{'.npz' if mesh else '.npy'}"
 
 
 def _safe(name: str) -> str:

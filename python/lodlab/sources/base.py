@@ -19,6 +19,7 @@ from .frames import extent_of
 class Source:
     """What stores are built from: `HeightField`, `WindowedHeightField`, `Mesh`."""
 
+    windowed = False  # heights that are read by windows: sources.windowed
     name: str
     used: dict[str, str]  # what of a file was used to place it, in words
 
@@ -75,8 +76,6 @@ class FieldSource(Source):
     x = x0 + column dx, y = y0 - row dy, and of an array with the default origin all y are 0 or below. A planet's
     axis is z, longitude 0 on +x.
     """
-
-    windowed = False  # read by windows: sources.windowed
 
     @property
     def frame(self) -> dict[str, Any]:

@@ -8,18 +8,20 @@ object (`_core.Mesh`) is immutable.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from .. import _core
-from ..errors import InvalidInput
+from ..errors import InvalidInput, check_one_of
 from .base import Source
 from .mesh_files import read_mesh
 from .polygons import MeshData
 from .raster import title
 from .spec import format_spec
 
+REPAIRS = ("weld", "degenerate", "duplicates", "orient", "split", "unused")
 _COUNTED = 2**32  # vertices that 32-bit indices name
 
 
@@ -109,24 +111,47 @@ class Mesh(Source):
         return mesh
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str]) -> Mesh:
+    def open(cls, path: str | os.PathLike[str], repair: str | Iterable[str] | None = None) -> Mesh:
         """Reads a mesh file: PLY, OBJ, STL, OFF, glTF or GLB, each also gzipped (`.ply.gz`).
 
         Polygons become triangles, triangle strips too; vertex colours and normals are kept; `used` says what was
-        done. InvalidInput names the path: missing, unreadable, damaged, without triangles; and as the constructor.
+        done. `repair`: as `repaired` has it; nothing is repaired unasked.
+
+        InvalidInput names the path: missing, unreadable, damaged, without triangles; and as the constructor.
         """
         text = os.fspath(path)
+        wanted = repairs_of(repair)
         data = read_mesh(text)
         try:
-            return cls.made(data, title(text), format_spec(os.path.abspath(text), {}))
+            mesh = cls.made(data, title(text), format_spec(os.path.abspath(text), {"repair": ",".join(wanted) or None}))
+            return mesh.repaired(wanted) if wanted else mesh
         except InvalidInput as error:
             raise InvalidInput(f"open {text}: {str(error).removeprefix('mesh: ')}") from None
+
+    def repaired(self, repair: str | Iterable[str] = "all") -> Mesh:
+        """This mesh with what is asked for mended; `used` lists it, counted. No vertex moves, and each keeps its colour
+        and normal. Names with commas between them, or "all"; always done in this order:
+
+        weld: vertices at equal positions become the first of them.
+        degenerate: triangles that name a vertex twice or have no area are left out.
+        duplicates: triangles that name the vertices of an earlier one, in either sense, are left out.
+        orient: neighbours run alike, as most of their component do; all are turned where the mesh, open by less than a
+            tenth of its area, is inside out.
+        split: vertices are doubled until no edge has three triangles and no vertex two fans.
+        unused: vertices that no triangle names are left out.
+        """
+        wanted = repairs_of(repair)
+        origin, faces, counts = self._core.repaired(**dict.fromkeys(wanted, True))
+        arrays = (None if a is None else a[origin] for a in (self.colors, self.normals))
+        used = self.used | {"repaired": ", ".join(_said(name, counts) for name in wanted)}
+        return Mesh.made(MeshData(self.positions[origin], faces, *arrays, used), self.name, self.spec)
 
     def _hold(self, data: MeshData, name: str, spec: str) -> None:
         self._core = _core.Mesh(data.positions, data.faces, data.colors, data.normals, spec=spec)
         self.name = name
         self.used = data.used
         self._hash: str | None = None
+        self._census: dict[str, Any] | None = None
 
     @property
     def core(self) -> Any:
@@ -168,6 +193,17 @@ class Mesh(Source):
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @property
+    def census(self) -> dict[str, Any]:
+        """What kind of surface it is, counted by indices: `components` (triangles joined by vertices),
+        `boundary_edges` (of one triangle), `nonmanifold_edges` (of three or more), `nonmanifold_vertices` (of several
+        fans), `genus` (over all components, holes closed; None where something is not manifold or one-sided),
+        `duplicate_triangles` (the vertices of an earlier one, in either sense), `degenerate_triangles` (a vertex twice,
+        or no area), `unused_vertices`, `oriented` (no two triangles run along an edge in the same sense)."""
+        if self._census is None:
+            self._census = self._core.census()
+        return dict(self._census)
+
+    @property
     def samples(self) -> int:
         """Vertices."""
         return len(self.positions)
@@ -201,6 +237,30 @@ class Mesh(Source):
         parts = [f"{self.samples} vertices", f"{len(self.faces)} triangles", f"extent {self.extent:.6g}"]
         parts += ["colours"] if self.colors is not None else []
         return f"<Mesh {self.name}: {', '.join(parts)}>"
+
+
+def repairs_of(repair: str | Iterable[str] | None) -> tuple[str, ...]:
+    """The repairs that a text or list names, in the order in which they are done."""
+    names = [n.strip() for n in repair.split(",")] if isinstance(repair, str) else list(repair or ())
+    for name in names:
+        check_one_of("mesh: repair", name, (*REPAIRS, "all"))
+    return REPAIRS if "all" in names else tuple(name for name in REPAIRS if name in names)
+
+
+def _said(name: str, counts: dict[str, Any]) -> str:
+    """What a repair did, for people."""
+    match name:
+        case "weld":
+            return f"welded {counts['welded']} vertices"
+        case "orient":
+            turned = f"turned {counts['turned']} triangles"
+            turned += ", then all of them, which were inside out" if counts["inside_out"] else ""
+            return turned + (" (a component has one side only)" if counts["one_sided"] else "")
+        case "split":
+            return f"split off {counts['split']} vertices"
+        case "unused":
+            return f"left out {counts['unused']} unused vertices"
+    return f"left out {counts[name]} {name.removesuffix('s')} triangles"
 
 
 def is_trimesh(value: Any) -> bool:

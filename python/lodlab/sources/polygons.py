@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .. import _core
 from ..errors import InvalidInput
 
 
@@ -83,28 +84,19 @@ def gather(values: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndar
 
 
 def triangles(polygons: Polygons, path: str) -> MeshData:
-    """Polygons as triangles, fans from their first corners; faces of one or two corners are left out."""
+    """Polygons as triangles; faces of fewer than three corners are left out."""
     sizes, used = polygons.sizes, polygons.used
     corners = as_indices(polygons.corners, len(polygons.positions), path)
     small = int(np.count_nonzero(sizes < 3))
     if small:
         used["left_out"] = f"{small} faces of fewer than three corners"
-    if len(sizes) and (sizes == 3).all():
+    positions = np.ascontiguousarray(polygons.positions, np.float64)
+    if (sizes == 3).all():
         faces = corners.reshape(-1, 3)
     else:
-        count = np.maximum(sizes - 2, 0)
-        first = np.repeat(np.cumsum(sizes) - sizes, count)
-        step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
-        faces = np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
-        large = int(np.count_nonzero(sizes > 3))
-        if large:
+        faces = _core.polygon_triangles(positions, corners, sizes.astype(np.int64))
+        if (large := sizes > 3).any():
             used["polygons"] = (
-                f"{large} faces of more than three corners, as {len(faces) - int((sizes == 3).sum())} triangles"
+                f"{large.sum()} faces of more than three corners, as {(sizes[large] - 2).sum()} triangles"
             )
-    return MeshData(
-        np.ascontiguousarray(polygons.positions, np.float64),
-        np.ascontiguousarray(faces),
-        polygons.colors,
-        polygons.normals,
-        used,
-    )
+    return MeshData(positions, faces, polygons.colors, polygons.normals, used)

@@ -104,9 +104,10 @@ KEYS = {
     "rings": Key(_whole, "a whole number from 3"),
     "sides": Key(_whole, "a whole number from 3"),
     "tube": Key(_number, "a number between 0 and 1"),
+    "repair": Key(str, "all, or some of weld,degenerate,duplicates,orient,split,unused"),
 }
 FILE_KEYS = ("spacing", "vertical_scale", "nodata", "planet", "radius", "band", "window", "encoding", "offset")
-MESH_KEYS = ()
+MESH_KEYS = ("repair",)
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,13 @@ class SourceSpec:
 def _read_keys(text: str, tail: str, known: Iterable[str], owner: str) -> dict[str, Any]:
     known = list(known)
     out: dict[str, Any] = {}
+    parts: list[str] = []
     for part in tail.split(","):
+        if parts and "=" not in part and parts[-1].strip().startswith("repair="):
+            parts[-1] += "," + part  # a list's next word
+        else:
+            parts.append(part)
+    for part in parts:
         key, equals, value = (s.strip() for s in part.partition("="))
         if key not in known:
             raise InvalidInput(f"source '{text}': unknown key '{key}'; {owner} knows {', '.join(known)}")
