@@ -8,8 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import _core, pictures
+from .. import _core, movies, pictures
 from ..errors import InvalidInput, check_one_of
+from ..paths.path import make_path
+from ..runs.flight import check_budget
+from ..stores.methods import still
 from ..stores.session import SHOWS
 from .arguments import (
     At,
@@ -36,9 +39,6 @@ commands = typer.Typer()
 
 def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -> tuple[Any, Any]:
     """(session, budget) that draw with all data; 1 px where no budget is given."""
-    from ..runs.flight import check_budget
-    from ..stores.methods import still
-
     checked = check_budget(store.method, budget or {"pixel_error": 1.0})
     return store.session(**still(store.method, options)), checked
 
@@ -47,8 +47,6 @@ def one_cut(
     store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
 ) -> tuple[Any, Any, Any]:
     """(session, cut, view) of one spot on a path."""
-    from ..paths.path import make_path
-
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
     view = make_path(path, store.source, 2, fov).view_at(at, size_of(size), fov)
@@ -90,8 +88,6 @@ def render(
     Of one view on a path, or with --video of --frames views along it; 1 px where no budget is given. `--show error`
     colours the surface by its measured error.
     """
-    from .. import movies
-
     if (picture is None) == (video is None):
         raise InvalidInput("render: name a picture (OUT.png) or --video OUT.mp4 or .gif, one of both")
     check_one_of("render: show", show, (*SHOWS, "error"))
@@ -112,8 +108,6 @@ def render(
         return pictures.error_picture(measured.image, measured.error_px())
 
     if video is not None:
-        from ..paths.path import make_path
-
         track = make_path(path, opened.source, frames, fov)
         session, checked = still_session(opened, budget, options_from(option))
         views = track.views(size_of(size), fov)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, disk, pictures
+from .. import _core, pictures
+from ..disk import temporary_folder
 from ..sources.base import Source
 from ..stores.build import store_for
 from ..stores.methods import options_of, still
@@ -55,7 +56,7 @@ class Yardstick:
             session = None
             if self.pictures:
                 if self._folder is None:
-                    self._folder = disk.temporary_folder(self)
+                    self._folder = temporary_folder(self)
                 store = store_for(
                     self.source, "full", self.options, self._folder, progress=self._progress, named=self._named
                 )

@@ -2,11 +2,10 @@
 """Charts of results. `pareto`: measured error against frame time and against triangles, the face of the
 project; `timeline`: the frames of runs along their path.
 
-Legible at 700 pixels' width: direct labels instead of legends, colours of Okabe and Ito (told apart by
-colour-blind readers) with a marker shape for each method, and a light and a dark dress. A method that was flown
-under several sets of options has a row of panels of its own, where colour follows what varies.
+Legible at 700 pixels' width: direct labels instead of legends. A method that was flown under several sets of options
+has a row of panels of its own, where colour follows what varies.
 
-Longer than other files: both charts share its scales, marks and dresses.
+Longer than other files: both charts share its scales and marks.
 """
 
 from __future__ import annotations

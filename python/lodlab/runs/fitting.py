@@ -25,7 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core, disk
+from .. import _core
+from ..disk import temporary_folder
 from ..errors import InvalidInput
 from ..paths.path import CameraPath, make_path
 from ..sources.datasets import as_source
@@ -247,7 +248,7 @@ class _Search:
         self.finest = len(self.rungs)  # rungs before it are searched
         self.proven = len(self.steps) - 1  # the step under which they are judged, beside the tightest
         self.known: dict[tuple[int, int], dict[int, float]] = {}  # pixels by frame, by candidate
-        self.folder = disk.temporary_folder(self)
+        self.folder = temporary_folder(self)
         self._open: tuple[int, Store, Any] | None = None
         self.bar = tqdm(desc=f"fit {method}", unit="frame", disable=None if progress else True, leave=False)
         self.progress = progress

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import disk
-from ..disk import attribute_hash
+from ..disk import attribute_hash, temporary_folder
 from ..errors import InvalidInput
 from ..instrument.yardstick import Yardstick, look_of
 from ..paths.path import make_path, poses_hash
@@ -57,7 +56,7 @@ def fly_again(run: Any) -> Flown:
             raise InvalidInput(f"{where}: its {what} has changed since: hash {value} instead of {known}; {_ALL}")
     stores = directory / "stores"
     if not store_file(source, method, build, stores).exists():
-        stores = disk.temporary_folder(run)
+        stores = temporary_folder(run)
     store = store_for(source, method, build, stores, progress=False)
     session = store.core.session(still(method, {name: options[name] for name in options_of(method, "draw")}))
     limits = {kind: row[f"budget_{kind}"] for kind in ("pixel_error", "triangles", "nodes")}

@@ -21,6 +21,7 @@ from .passes import (
     worst_folder,
     worst_frame,
 )
+from .replays import fly_again
 
 
 class Run:
@@ -58,8 +59,6 @@ class Run:
                 return written
             if self.directory is None:
                 raise InvalidInput(f"image: run {self.name} is not in this process and has no run directory")
-            from .replays import fly_again
-
             self._flown = fly_again(self)
         return self._drawn(self._flown, f, show)
 

@@ -17,8 +17,8 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
-from .. import _core, disk
-from ..disk import rasters
+from .. import _core
+from ..disk import rasters, short_hash
 from ..errors import InvalidInput
 from ..instrument import statistics
 from ..instrument.yardstick import Yardstick, look_of
@@ -31,13 +31,11 @@ from ..stores.build import store_for
 from ..stores.methods import check_accepts
 from ..stores.store import Store
 from . import tables
-from .configs import Task
+from .configs import Task, enter, flight_config
 from .directory import RunDirectory
 from .flight import Flight
 from .identity import KEPT_MB, hash_list, keep_array, keep_file, kept_array, path_in, source_in, take_path
 from .passes import accuracy_indices, perform, summary_of, timed
-
-_workshop: Workshop | None = None
 
 
 class Workshop:
@@ -111,6 +109,9 @@ class Workshop:
             ends = dict(zip(("ratio", "low", "high"), found, strict=True))
             rows.append({"run": flight.name, "column": column, **ends, "passes": flight.repeat})
         return rows
+
+
+_workshop: Workshop | None = None  # of a worker process
 
 
 def _worker_start(folder: str, sources: Mapping[str, Source], stores: Path | None, device: str, threads: int) -> None:
@@ -261,7 +262,7 @@ def make_all(
     said: set[str] = set()
     todo = [task for task in tasks if task.flight.name not in directory.done]
     directory.provenance(
-        libraries=dict(_core.libraries()), options_hash=disk.short_hash(dict(config)), jobs=[jobs] if todo else []
+        libraries=dict(_core.libraries()), options_hash=short_hash(dict(config)), jobs=[jobs] if todo else []
     )  # fmt: skip
     noise = directory.path / "noise.csv"
     if todo:
@@ -306,8 +307,6 @@ def enter_flight(
     directory: RunDirectory, store: Store, track: CameraPath, flight: Flight, device: str | None
 ) -> Flight:
     """The flight under the names that the directory has for it, which keeps what it rests on."""
-    from .configs import Task, enter, flight_config
-
     field = store._source  # at hand, or not needed
     if track.name == Path(flight.path).stem and flight.path.lower().endswith((".toml", ".json")):
         path = keep_file(directory.path, Path(flight.path), directory.config is None)

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import _core, disk, pictures
+from .. import _core, pictures
+from ..disk import write_atomic
 from ..errors import InvalidInput, Unsupported
 from ..runs import provenance, tables
 from ..sources.spec import short_source
@@ -227,7 +228,7 @@ def _keep_picture(folder: Path, figure: Figure, row: dict[str, Any], worst: dict
 def _write(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     text = io.StringIO(newline="")
     csv.writer(text).writerows([COLUMNS, *([tables.cell(row[c]) for c in COLUMNS] for row in rows)])
-    disk.write_atomic(folder / "stability.csv", text.getvalue())
+    write_atomic(folder / "stability.csv", text.getvalue())
 
 
 def _provenance(start: str, names: list[str], scenes: list[str], short: bool) -> dict[str, Any]:

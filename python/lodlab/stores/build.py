@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .. import _core, disk
-from ..disk import attribute_hash
+from .. import _core
+from ..disk import attribute_hash, short_hash
 from ..errors import StoreError
 from ..sources.base import Source
 from ..sources.datasets import as_source
@@ -17,11 +17,37 @@ from .methods import method_table
 from .store import Store, open
 
 
+def build(
+    source: Any,
+    method: str,
+    path: str | os.PathLike[str],
+    *,
+    mode: str = "new",
+    progress: bool = True,
+    **options: Any,
+) -> Store:
+    """Builds a store and opens it.
+
+    `source`: Source, SOURCE text or 2-D array. `options`: the method's build options. `mode`: "new"
+    (the file must not exist), "force" (replace), "resume" (take up an interrupted build). InvalidInput for
+    an unknown method or option, Unsupported when the method does not accept the source, StoreError when the
+    file stands in the way.
+    """
+    from ..progress import Progress
+
+    by_rows = method_table(method)["by_rows"]
+    field = as_source(source)
+    given = field.core if by_rows else field.loaded().core
+    with Progress(f"build {method}", progress) as bar:
+        core = _core.build(given, method, os.fspath(path), options, mode, bar.stage)
+    return Store(core, field)
+
+
 def store_file(source: Source, method: str, options: Mapping[str, Any], folder: Path) -> Path:
     """Where `store_for` keeps the store of a source, method and build options."""
     resolved = _core.resolve_options(method, "build", dict(options))
     colours = attribute_hash(resolved)
-    digest = disk.short_hash({"source": source.hash(), "options": resolved, **({"files": colours} if colours else {})})
+    digest = short_hash({"source": source.hash(), "options": resolved, **({"files": colours} if colours else {})})
     return folder / f"{method}-{digest}.lod"
 
 
@@ -67,29 +93,3 @@ def _opened(file: Path) -> Store | None:
         return open(file)
     except StoreError:
         return None
-
-
-def build(
-    source: Any,
-    method: str,
-    path: str | os.PathLike[str],
-    *,
-    mode: str = "new",
-    progress: bool = True,
-    **options: Any,
-) -> Store:
-    """Builds a store and opens it.
-
-    `source`: Source, SOURCE text or 2-D array. `options`: the method's build options. `mode`: "new"
-    (the file must not exist), "force" (replace), "resume" (take up an interrupted build). InvalidInput for
-    an unknown method or option, Unsupported when the method does not accept the source, StoreError when the
-    file stands in the way.
-    """
-    from ..progress import Progress
-
-    by_rows = method_table(method)["by_rows"]
-    field = as_source(source)
-    given = field.core if by_rows else field.loaded().core
-    with Progress(f"build {method}", progress) as bar:
-        core = _core.build(given, method, os.fspath(path), options, mode, bar.stage)
-    return Store(core, field)

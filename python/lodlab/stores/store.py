@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Stores: build one from a source, open one, and select, draw and capture through a session.
+"""Stores: open one, and select, draw and capture through a session.
 
 `Store` is a thin face over the core's store: it keeps the source at hand (the instrument needs it), shows
 progress, and hands out sessions. A session owns GL objects and belongs to the thread that first draws
