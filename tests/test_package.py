@@ -80,6 +80,23 @@ def test_repository_text_holds_no_trailing_machine_paths():
             assert needle not in path.read_text(encoding="utf-8"), f"{name} names a path of one machine"
 
 
+def test_rooms_reach_for_each_other_not_for_the_package():
+    """import-linter takes `from .. import _core` for an import of the package, and so looks at none of these."""
+    package = ROOT / "python" / "lodlab"
+    rooms = {"_core", *(path.stem for path in package.iterdir())}
+    for file in package.rglob("*.py"):
+        depth = len(file.relative_to(package).parts)
+        if file.parent == package / "cli" or file == package / "__init__.py":
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                assert "lodlab" not in {alias.name.partition(".")[0] for alias in node.names}, file
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level or node.module.partition(".")[0] != "lodlab", file
+                if node.level == depth and node.module is None:
+                    assert {alias.name for alias in node.names} <= rooms, file
+
+
 def test_dir_shows_the_public_names_only():
     assert set(dir(lodlab)) - {"__doc__", "__version__"} == set(lodlab.__all__)
     assert all(hasattr(lodlab, name) for name in lodlab.__all__)
