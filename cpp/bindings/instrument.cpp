@@ -36,7 +36,7 @@ struct PyMeasurement {
   std::mutex mutex;  ///< figures are kept when first computed
 
   PyMeasurement(Parts drawn, Parts drawn_before, std::shared_ptr<const instrument::Ruler> ruler,
-                std::shared_ptr<const render::FieldResources> resources, instrument::Subject subject)
+                std::shared_ptr<const render::Surface> resources, instrument::Subject subject)
       : parts(std::move(drawn)),
         before(std::move(drawn_before)),
         measurement(std::move(ruler), std::move(resources), std::move(subject)) {}
@@ -116,9 +116,9 @@ class PyInstrument {
   }
 
  private:
-  std::shared_ptr<const render::FieldResources> resources() {
+  std::shared_ptr<const render::Surface> resources() {
     gl::ensure_context();
-    if (resources_ == nullptr) resources_ = render::make_field_resources(*source_, source_->coverage());
+    if (resources_ == nullptr) resources_ = render::make_surface(*source_, source_->coverage());
     return resources_;
   }
 
@@ -126,7 +126,7 @@ class PyInstrument {
   std::shared_ptr<const instrument::Ruler> ruler_;
   std::string hash_;
   std::shared_ptr<PySession> full_;
-  std::shared_ptr<const render::FieldResources> resources_;
+  std::shared_ptr<const render::Surface> resources_;
 };
 
 /// The middle (height, width, 4) of a picture, read-only; keeps its owner alive.

@@ -15,7 +15,7 @@ namespace {
 
 struct PyStaticMesh {
   std::shared_ptr<render::StaticMesh> mesh;
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   size_t triangles, vertices;
 };
 
@@ -36,7 +36,7 @@ std::shared_ptr<PyStaticMesh> make(const PyCapture& capture, const std::shared_p
   meshopt_remapIndexBuffer(indices.data(), indices.data(), indices.size(), fetch.data());
   PyStaticMesh out;
   out.mesh = render::make_static_mesh(capture.captured, indices, first_use);
-  out.field = render::make_field_resources(*field, coverage_bits(*field));
+  out.field = render::make_surface(*field, coverage_bits(*field));
   out.triangles = indices.size() / 3;
   out.vertices = unique;
   return std::make_shared<PyStaticMesh>(std::move(out));

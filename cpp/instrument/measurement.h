@@ -41,7 +41,7 @@ struct Subject {
 class Measurement {
  public:
   /// InvalidInput for a reference of another view, and for an eye too far away to part samples.
-  Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<const render::FieldResources> resources,
+  Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<const render::Surface> resources,
               Subject subject);
   Measurement(const Measurement&) = delete;
   Measurement& operator=(const Measurement&) = delete;
@@ -89,7 +89,7 @@ class Measurement {
   const std::optional<Orientation>& orientation();
 
   std::shared_ptr<const Ruler> ruler_;
-  std::shared_ptr<const render::FieldResources> resources_;
+  std::shared_ptr<const render::Surface> resources_;
   Subject subject_;
   std::unique_ptr<Laid> laid_;  // refers to this
   std::optional<render::Captured> whole_;

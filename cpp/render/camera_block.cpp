@@ -16,7 +16,8 @@ namespace {
 static_assert(offsetof(CameraBlock, eye_cell) == 64 && offsetof(CameraBlock, eye_frac) == 72);
 static_assert(offsetof(CameraBlock, spacing) == 80 && offsetof(CameraBlock, eye_z) == 88);
 static_assert(offsetof(CameraBlock, eye_world) == 96 && offsetof(CameraBlock, tint) == 112);
-static_assert(offsetof(CameraBlock, cells) == 128 && offsetof(CameraBlock, planet) == 160);
+static_assert(offsetof(CameraBlock, cells) == 128 && offsetof(CameraBlock, eye_low) == 144 &&
+              offsetof(CameraBlock, planet) == 160);
 
 constexpr double kFarthestCell = 1 << 30;
 
@@ -34,8 +35,9 @@ glm::dvec2 eye_on_grid(const glm::dvec3& eye, const FieldFrame& frame) {
 /// (2^-16) is no denormal float (2^-126) yet.
 constexpr double kLeastDepth = 1e-25;
 
-void check_depth(const Camera& camera, const FieldFrame& frame) {
-  const double least = kLeastDepth * frame.reach(camera.eye);
+/// `reach`: how far what is drawn may be from the eye.
+void check_depth(const Camera& camera, double reach) {
+  const double least = kLeastDepth * reach;
   if (camera.near_plane >= least) return;
   char text[160];
   std::snprintf(
@@ -46,13 +48,29 @@ void check_depth(const Camera& camera, const FieldFrame& frame) {
   throw InvalidInput(text);
 }
 
-}  // namespace
-
-CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
-  check_depth(camera, frame);
+/// What all kinds of sources share.
+CameraBlock begin_block(const Camera& camera, double reach) {
+  check_depth(camera, reach);
   CameraBlock block = {};
   const glm::dmat4 clip = camera.clip_from_relative();
   for (int i = 0; i < 16; ++i) block.clip_from_relative[i] = static_cast<float>(clip[i / 4][i % 4]);
+  for (int i = 0; i < 3; ++i) {
+    block.eye_world[i] = static_cast<float>(camera.eye[i]);
+    block.eye_low[i] = static_cast<float>(camera.eye[i] - static_cast<double>(block.eye_world[i]));
+    block.planet[i] = camera.eye[i];
+  }
+  return block;
+}
+
+}  // namespace
+
+CameraBlock make_camera_block(const Camera& camera, const Box& mesh) {
+  return begin_block(camera,
+                     glm::length(glm::max(glm::abs(mesh.lo - camera.eye), glm::abs(mesh.hi - camera.eye))));
+}
+
+CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
+  CameraBlock block = begin_block(camera, frame.reach(camera.eye));
   const glm::dvec2 at = eye_on_grid(camera.eye, frame);
   for (int i = 0; i < 2; ++i) {
     const double cell = std::clamp(std::floor(at[i]), -kFarthestCell, kFarthestCell);
@@ -63,10 +81,6 @@ CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
   block.spacing[1] = static_cast<float>(frame.dy);
   block.eye_z[0] = static_cast<float>(camera.eye.z);
   block.eye_z[1] = static_cast<float>(camera.eye.z - static_cast<double>(block.eye_z[0]));
-  for (int i = 0; i < 3; ++i) {
-    block.eye_world[i] = static_cast<float>(camera.eye[i]);
-    block.planet[i] = camera.eye[i];
-  }
   block.eye_world[3] = static_cast<float>(frame.radius);
   block.planet[3] = frame.radius;
   block.tint[0] = static_cast<float>(frame.z_min);

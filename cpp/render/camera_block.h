@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// The uniform block of shaders/common/camera.glsl: one view of one field. Large coordinates are split here,
+// The uniform block of shaders/common/camera.glsl: one view of one source. Large coordinates are split here,
 // in double, so that shaders stay in float.
 #pragma once
 
 #include <cstdint>
 
+#include "geometry/bounds.h"
 #include "geometry/height_field.h"
 #include "geometry/view.h"
 
@@ -21,12 +22,14 @@ struct CameraBlock {
   float tint[3];
   float zero;
   int32_t cells[4];
-  float padding[4];
+  float eye_low[4];
   double planet[4];
 };
 static_assert(sizeof(CameraBlock) == 192);
 
 /// InvalidInput for a near plane so near that the depths of far samples vanish.
 CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame);
+/// Of a mesh in this box.
+CameraBlock make_camera_block(const Camera& camera, const Box& mesh);
 
 }  // namespace lodlab::render

@@ -200,12 +200,12 @@ Timing time_draw(const Camera& camera, Show show, const DrawCall& call) {
   return timing;
 }
 
-Picture replay(const Captured& captured, const Camera& camera, const FieldResources& field, Show show) {
+Picture replay(const Captured& captured, const Camera& camera, const Surface& field, Show show) {
   StaticMesh mesh(captured.vertices);
   return draw_picture(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });
 }
 
-Picture replay_depth(const Captured& captured, const Camera& camera, const FieldResources& field) {
+Picture replay_depth(const Captured& captured, const Camera& camera, const Surface& field) {
   StaticMesh mesh(captured.vertices);
   const gl::Framebuffer& target = bind_target(camera.width, camera.height);
   clear_target(kBackground);
@@ -219,7 +219,7 @@ std::shared_ptr<StaticMesh> make_static_mesh(const Captured& captured, const std
   return std::make_shared<StaticMesh>(captured.vertices, indices, first_use);
 }
 
-Timing time_static(const Camera& camera, Show show, StaticMesh& mesh, const FieldResources& field) {
+Timing time_static(const Camera& camera, Show show, StaticMesh& mesh, const Surface& field) {
   return time_draw(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });
 }
 

@@ -63,10 +63,10 @@ Picture draw_wire(const Camera& camera, const DrawCall& call);
 Captured capture(const Camera& camera, const DrawCall& call, bool everything);
 
 /// Draws captured triangles from a plain buffer with the same fragment shader and clip computation.
-Picture replay(const Captured& captured, const Camera& camera, const FieldResources& field, Show show);
+Picture replay(const Captured& captured, const Camera& camera, const Surface& field, Show show);
 
 /// The same depth, in one colour: a third less time on a software device, where nothing is interpolated.
-Picture replay_depth(const Captured& captured, const Camera& camera, const FieldResources& field);
+Picture replay_depth(const Captured& captured, const Camera& camera, const Surface& field);
 
 struct Timing {
   double gpu_ms = 0.0;    ///< of both parts: GL_TIME_ELAPSED, or wall time to glFinish on the software device
@@ -84,6 +84,6 @@ Timing time_draw(const Camera& camera, Show show, const DrawCall& call);
 class StaticMesh;
 std::shared_ptr<StaticMesh> make_static_mesh(const Captured& captured, const std::vector<uint32_t>& indices,
                                              const std::vector<uint32_t>& first_use);
-Timing time_static(const Camera& camera, Show show, StaticMesh& mesh, const FieldResources& field);
+Timing time_static(const Camera& camera, Show show, StaticMesh& mesh, const Surface& field);
 
 }  // namespace lodlab::render

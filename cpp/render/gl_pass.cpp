@@ -13,19 +13,16 @@ namespace lodlab::render {
 DrawPass::DrawPass(const Camera& camera, int show, bool everything)
     : Pass(camera, everything), show_(show), block_(sizeof(CameraBlock)) {}
 
-unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, Maps maps, bool feedback) {
+unsigned DrawPass::bind(SurfaceProgram& program, const Surface& field, Maps maps, bool feedback) {
   // Level colours and wire pictures show the triangles: theirs are the normals there.
   const bool shades = show_ == shader_show(Show::kShade), normals = show_ == shader_show(Show::kNormal);
   // The class picture is drawn with voids filled: a hole that relief hides in one picture and a lower ridge
   // shows in the other is no crack.
   const bool holes = field.has_coverage() && show_ != shader_show(Show::kClass);
-  const Variant variant{show_,
-                        field.frame().planet,
-                        holes,
-                        {maps.colors && shades, maps.normals && (shades || normals)},
-                        feedback};
+  const Variant variant{
+      show_, field.kind(), holes, {maps.colors && shades, maps.normals && (shades || normals)}, feedback};
   const unsigned name = program_of(program, variant);
-  const CameraBlock block = make_camera_block(camera_, field.frame());
+  const CameraBlock block = field.block(camera_);
   block_.upload(0, std::as_bytes(std::span(&block, 1)));
   glUseProgram(name);
   glBindBufferBase(GL_UNIFORM_BUFFER, 0, block_.id());
@@ -34,7 +31,7 @@ unsigned DrawPass::bind(SurfaceProgram& program, const FieldResources& field, Ma
   return name;
 }
 
-unsigned DrawPass::use(SurfaceProgram& program, const FieldResources& field, Maps maps) {
+unsigned DrawPass::use(SurfaceProgram& program, const Surface& field, Maps maps) {
   return bind(program, field, maps, false);
 }
 
@@ -49,7 +46,7 @@ CapturePass::~CapturePass() {
   glEndQuery(GL_PRIMITIVES_GENERATED);
 }
 
-unsigned CapturePass::use(SurfaceProgram& program, const FieldResources& field, Maps maps) {
+unsigned CapturePass::use(SurfaceProgram& program, const Surface& field, Maps maps) {
   finish();
   const unsigned name = bind(program, field, maps, true);
   glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, buffer_.id());

@@ -4,8 +4,8 @@
 
 #include "gl/buffer.h"
 #include "gl/query.h"
-#include "render/field_resources.h"
 #include "render/frame.h"
+#include "render/surface.h"
 #include "render/variant.h"
 
 namespace lodlab::render {
@@ -15,7 +15,7 @@ class DrawPass : public Pass {
  public:
   /// `show` is a value of LODLAB_SHOW.
   DrawPass(const Camera& camera, int show, bool everything);
-  unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) override;
+  unsigned use(SurfaceProgram& program, const Surface& field, Maps maps) override;
   /// Adds what only the GPU knew; call when all is done.
   void tell() {
     for (const Tell& one : tells_) one(submitted);
@@ -23,7 +23,7 @@ class DrawPass : public Pass {
 
  protected:
   /// Binds program, camera block and field for this variant.
-  unsigned bind(SurfaceProgram& program, const FieldResources& field, Maps maps, bool feedback);
+  unsigned bind(SurfaceProgram& program, const Surface& field, Maps maps, bool feedback);
 
  private:
   int show_;
@@ -35,7 +35,7 @@ class CapturePass : public DrawPass {
  public:
   CapturePass(const Camera& camera, bool everything, const gl::Buffer& buffer);
   ~CapturePass() override;  ///< stops a capture that an exception left running
-  unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) override;
+  unsigned use(SurfaceProgram& program, const Surface& field, Maps maps) override;
   int64_t batch_triangles() const override { return kBatch; }
 
   /// Ends the last segment. Bytes that the largest segment needs: more than the buffer's means that

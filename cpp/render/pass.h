@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "geometry/bounds.h"
 #include "geometry/height_field.h"
 #include "geometry/view.h"
 #include "store/store.h"
@@ -42,13 +43,15 @@ struct Submitted {
   int64_t upload_bytes = 0;
 };
 
-/// GL objects of one height field that every method needs: coverage mask, planet tables.
-/// Created once per session on the GL thread.
-class FieldResources;
-std::shared_ptr<const FieldResources> make_field_resources(const FieldFrame& frame, const Bytes& coverage);
+enum class SurfaceKind { kFlat, kPlanet, kMesh };
+
+/// What every method needs of its source to draw on (surface.h). Created once per session on the GL thread.
+class Surface;
+std::shared_ptr<const Surface> make_surface(const FieldFrame& frame, const Bytes& coverage);
+std::shared_ptr<const Surface> make_surface(const Box& mesh);
 
 /// The method's stages plus the shared fragment shader and the transform feedback layout. Variants (by
-/// Show, planet, coverage, maps) compile on first use. `stages` maps a stage ("vertex", "geometry",
+/// Show, kind of surface, coverage, maps) compile on first use. `stages` maps a stage ("vertex", "geometry",
 /// "tess_control", "tess_evaluation") to a file below the shader folder, as "chunked/chunk.vert".
 /// Every stage that ends the geometry includes "common/surface_out.glsl" and calls emit_surface().
 class SurfaceProgram {
@@ -98,7 +101,7 @@ class Pass : public Work {
   /// where the pass shows a map that there is; the method binds its sampler2DArrays to their units. Between
   /// use() and the last draw call that belongs to it no other program may be bound (a capture may be
   /// running).
-  virtual unsigned use(SurfaceProgram& program, const FieldResources& field, Maps maps) = 0;
+  virtual unsigned use(SurfaceProgram& program, const Surface& field, Maps maps) = 0;
   /// Triangles that one use() takes well. Where a draw submits more, the method may split it and call use()
   /// again in between: a capture then needs less memory. No limit in pictures.
   virtual int64_t batch_triangles() const { return INT64_MAX; }

@@ -109,7 +109,7 @@ StaticMesh::StaticMesh(const std::vector<CapturedVertex>& vertices, const std::v
   put_indices(indices);
 }
 
-void StaticMesh::draw(Pass& pass, const FieldResources& field) {
+void StaticMesh::draw(Pass& pass, const Surface& field) {
   if (corners_ > std::numeric_limits<GLsizei>::max() / 3 * 3) {
     throw Unsupported("drawing " + std::to_string(corners_ / 3) + " triangles with one call");
   }

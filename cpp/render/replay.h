@@ -18,7 +18,7 @@ class StaticMesh {
   StaticMesh(const std::vector<CapturedVertex>& vertices, const std::vector<uint32_t>& indices,
              const std::vector<uint32_t>& first_use);
 
-  void draw(Pass& pass, const FieldResources& field);
+  void draw(Pass& pass, const Surface& field);
 
  private:
   template <class Order>

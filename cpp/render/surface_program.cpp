@@ -18,7 +18,8 @@ namespace {
 
 std::vector<std::string> defines_of(const Variant& variant) {
   std::vector<std::string> defines = {"LODLAB_SHOW " + std::to_string(variant.show)};
-  if (variant.planet) defines.push_back("LODLAB_PLANET");
+  if (variant.kind == SurfaceKind::kPlanet) defines.push_back("LODLAB_PLANET");
+  if (variant.kind == SurfaceKind::kMesh) defines.push_back("LODLAB_MESH");
   if (variant.coverage) defines.push_back("LODLAB_COVERAGE");
   if (variant.maps.colors) defines.push_back("LODLAB_COLORS");
   if (variant.maps.normals) defines.push_back("LODLAB_NORMALS");

@@ -14,7 +14,7 @@ inline constexpr int kShowLine = 6;
 
 struct Variant {
   int show = 0;
-  bool planet = false;
+  SurfaceKind kind = SurfaceKind::kFlat;
   bool coverage = false;
   Maps maps;
   bool feedback = false;  ///< transform feedback captures its vertices

@@ -2,6 +2,7 @@
 // Colours. Levels: the colour-blind safe set of Okabe and Ito, without its black. Heights: greens through
 // sand and brown to snow, blues below the sea.
 const vec3 kInsideColor = vec3(0.86, 0.08, 0.52);
+const vec3 kClayColor = vec3(0.80, 0.74, 0.68);
 const vec3 kLineColor = vec3(0.13, 0.16, 0.22);
 
 const vec3 kLevelColors[7] = vec3[7](vec3(0.90, 0.62, 0.00), vec3(0.34, 0.71, 0.91), vec3(0.00, 0.62, 0.45),

@@ -33,7 +33,9 @@ bool covered() {
 #endif
 #ifdef LODLAB_COLORS
 in vec3 v_colors;
+#ifndef LODLAB_MESH
 layout(binding = 0) uniform sampler2DArray color_map;
+#endif
 #endif
 #ifdef LODLAB_NORMALS
 in vec3 v_normals;
@@ -55,6 +57,29 @@ vec3 facing_normal() {
   return across * inversesqrt(max(dot(across, across), 1e-36));
 }
 
+#ifdef LODLAB_MESH
+/// A mesh has no up: its outside is the winding's.
+bool seen_from_outside(vec3 normal) { return gl_FrontFacing; }
+
+vec3 shading_normal(vec3 drawn) { return drawn; }
+
+/// Share of the light from the camera's upper left, with a good deal from everywhere: no side is black.
+float shading_light(vec3 normal) {
+  const mat4 m = camera.clip_from_relative;
+  const vec3 right = normalize(vec3(m[0].x, m[1].x, m[2].x)), up = normalize(vec3(m[0].y, m[1].y, m[2].y));
+  const vec3 back = -normalize(vec3(m[0].w, m[1].w, m[2].w));
+  const vec3 light = 0.8 * back + 0.5 * up - 0.33 * right;
+  return 0.35 + 0.65 * max(dot(normal, light), 0.0);
+}
+
+vec3 surface_color() {
+#ifdef LODLAB_COLORS
+  return v_colors;
+#else
+  return kClayColor;
+#endif
+}
+#else
 vec3 local_up() {
 #ifdef LODLAB_PLANET
   return normalize(v_position + camera.eye_world.xyz);
@@ -83,7 +108,7 @@ vec3 shading_normal(vec3 drawn) {
 }
 
 /// Share of the sun's light: north-west, 45 degrees high, with a little ambient; 1 on level ground.
-float hillshade(vec3 normal) {
+float shading_light(vec3 normal) {
 #ifdef LODLAB_PLANET
   const vec3 up = local_up();
   const vec3 east = normalize(vec3(-up.y, up.x, 0.0) + vec3(1e-12, 0.0, 0.0));
@@ -103,6 +128,15 @@ float height() {
   return v_position.z + camera.eye_world.z;
 #endif
 }
+
+vec3 surface_color() {
+#ifdef LODLAB_COLORS
+  return texture(color_map, v_colors).rgb;
+#else
+  return height_tint(height(), camera.tint);
+#endif
+}
+#endif
 #endif
 
 vec3 shown() {
@@ -119,16 +153,14 @@ vec3 shown() {
   return 0.5 + 0.5 * normal;
 #endif
 #else
-  const float light = hillshade(shading_normal(normal));
+  const float light = shading_light(shading_normal(normal));
   if (!seen_from_outside(normal)) return kInsideColor * (0.7 + 0.3 * min(light, 1.0));
 #if LODLAB_SHOW == SHOW_LEVEL
   return level_color(v_bits >> 1) * (0.45 + 0.55 * min(light, 1.15));
 #elif LODLAB_SHOW == SHOW_FILL
   return mix(vec3(1.0), level_color(v_bits >> 1), 0.3) * (0.6 + 0.4 * min(light, 1.0));
-#elif defined(LODLAB_COLORS)
-  return texture(color_map, v_colors).rgb * min(light, 1.2);
 #else
-  return height_tint(height(), camera.tint) * min(light, 1.2);
+  return surface_color() * min(light, 1.2);
 #endif
 #endif
 #endif

@@ -15,7 +15,7 @@ out float v_height;     // above the sphere, at the vertex: between vertices a t
 flat out uvec4 v_captured_start;  // position, column
 flat out uvec3 v_captured_end;    // row, node, bits
 #endif
-// Places in maps (u, v, layer): the method sets them beside emit_surface().
+// Places in maps (u, v, layer), of meshes colours themselves: the method sets them beside emit_surface().
 #ifdef LODLAB_COLORS
 out vec3 v_colors;
 #endif

@@ -17,10 +17,10 @@
 #include "gl/error.h"
 #include "gl/framebuffer.h"
 #include "gl/query.h"
-#include "render/field_resources.h"
 #include "render/frame.h"
 #include "render/gl_pass.h"
 #include "render/replay.h"
+#include "render/surface.h"
 
 using namespace lodlab;
 using render::Captured;
@@ -48,8 +48,8 @@ FieldFrame flat_frame() {
   return frame;
 }
 
-std::shared_ptr<const render::FieldResources> resources(const FieldFrame& frame, const Bytes& coverage = {}) {
-  return render::make_field_resources(frame, coverage);
+std::shared_ptr<const render::Surface> resources(const FieldFrame& frame, const Bytes& coverage = {}) {
+  return render::make_surface(frame, coverage);
 }
 
 void add(Captured& captured, glm::dvec3 a, glm::dvec3 b, glm::dvec3 c) {
@@ -88,7 +88,7 @@ Captured sheet(int n) {
   return out;
 }
 
-render::DrawCall drawing(render::StaticMesh& mesh, const render::FieldResources& field) {
+render::DrawCall drawing(render::StaticMesh& mesh, const render::Surface& field) {
   return [&](render::Pass& pass) { mesh.draw(pass, field); };
 }
 

@@ -14,7 +14,7 @@
 #include "gl/texture.h"
 #include "gl/vertex_array.h"
 #include "methods/chunked/session.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::chunked {
 namespace {
@@ -47,7 +47,7 @@ struct ChunkedSession::Gpu {
   gl::Buffer instances{0}, commands{0};
   gl::VertexArray arrays;
   std::unordered_map<uint32_t, gl::Texture> textures;
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   render::SurfaceProgram program;
   std::vector<Instance> instance_data;
   std::vector<Command> command_data;
@@ -55,7 +55,7 @@ struct ChunkedSession::Gpu {
 
   explicit Gpu(const ChunkedHierarchy& tree, int64_t buffer_bytes)
       : geometry(std::max<int64_t>(buffer_bytes, 16)),
-        field(render::make_field_resources(tree.frame, tree.coverage())),
+        field(render::make_surface(tree.frame, tree.coverage())),
         program({{"vertex", "chunked/chunk.vert"}}) {
     arrays.integers(0, 0, 4, GL_UNSIGNED_SHORT, 0);
     arrays.floats(1, 1, 3, GL_FLOAT, 0);

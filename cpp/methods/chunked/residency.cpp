@@ -6,7 +6,7 @@
 #include "base/errors.h"
 #include "method/pools.h"
 #include "methods/chunked/texture.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::chunked {
 namespace {
@@ -79,7 +79,7 @@ Plan make_plan(const std::shared_ptr<const ChunkedHierarchy>& hierarchy, const P
   std::vector<Pool> pools{pool(meshes, kAlign),
                           pool(textures, 1),
                           {kInstanceBytes + kCommandBytes, leaves, std::min(leaves, kFewestPieces)}};
-  const int64_t field = render::FieldResources::bytes_of(tree.frame, !tree.coverage().empty());
+  const int64_t field = render::Surface::bytes_of(tree.frame, !tree.coverage().empty());
   const int64_t least = field + least_of(pools);
   if (least > caches.gpu_bytes) {
     refuse(caches.stream ? "the roots and one set of children need" : "stream=false needs", "gpu_cache_mb",

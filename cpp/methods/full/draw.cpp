@@ -112,7 +112,7 @@ struct FullSession::Gpu {
   explicit Gpu(const FullHierarchy& hierarchy);
 
   render::SurfaceProgram program{{"vertex", "full/full.vert"}};
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   gl::Buffer vertices, indices;
   gl::VertexArray array;
   gl::Texture colors, normals;
@@ -128,7 +128,7 @@ FullSession::Gpu::Gpu(const FullHierarchy& hierarchy) {
                       " triangles are more than one draw call takes");
   }
   const Bytes coverage = hierarchy.coverage();
-  field = render::make_field_resources(frame, coverage);
+  field = render::make_surface(frame, coverage);
   const bool small = number.columns <= 65536 && number.rows <= 65536;
   const std::vector<float> heights = hierarchy.heights();
   vertices = small ? make_vertices<uint16_t>(frame, heights, number)

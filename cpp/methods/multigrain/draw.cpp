@@ -19,7 +19,7 @@
 #include "methods/multigrain/lattice.h"
 #include "methods/multigrain/session.h"
 #include "methods/multigrain/tile_memory.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -66,7 +66,7 @@ struct MultigrainSession::Gpu {
   };
 
   Gpu(const Forest& forest, Paging& pages, MapPaging& map_pages, render::Submitted& submitted)
-      : field(render::make_field_resources(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
+      : field(render::make_surface(forest.frame, forest.coverage())), paging(pages), tiles(pages) {
     if (forest.frame.planet) {
       lattice.emplace(forest.frame);
       if (!forest.fringe.empty())
@@ -91,7 +91,7 @@ struct MultigrainSession::Gpu {
   void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
 
   render::SurfaceProgram program{{"vertex", "multigrain/grid.vert"}};
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   Paging& paging;
   TileMemory tiles;
   std::optional<Lattice> lattice;  ///< of a planet

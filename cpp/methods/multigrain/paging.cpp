@@ -11,7 +11,7 @@
 #include "methods/multigrain/lattice.h"
 #include "methods/multigrain/multigrain.h"
 #include "methods/multigrain/squares.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::multigrain {
 namespace {
@@ -79,7 +79,7 @@ int64_t bytes_beside_tiles(const Forest& forest, const Tiles& tiles, size_t maps
       2 * ((border ? 64 : 44) + 16 * static_cast<int64_t>(maps));
   const int64_t fringe = border ? bytes_of_vertex(forest.frame) * (layout.last_col() + 1) : 0;
   return 4 * indices + fringe + per_node * static_cast<int64_t>(forest.node.size()) +
-         render::FieldResources::bytes_of(forest.frame, !forest.coverage().empty()) +
+         render::Surface::bytes_of(forest.frame, !forest.coverage().empty()) +
          layout.blocks_x() * layout.blocks_y() + 3;
 }
 

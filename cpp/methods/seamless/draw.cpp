@@ -16,7 +16,7 @@
 #include "methods/seamless/paging.h"
 #include "methods/seamless/ranges.h"
 #include "methods/seamless/session.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::seamless {
 namespace {
@@ -59,7 +59,7 @@ struct SeamlessSession::Gpu {
   Gpu(const Hierarchy& hierarchy, const PatchMesh& mesh, Paging& pages, MapPaging& map_pages, bool parts,
       render::Submitted& submitted)
       : program({{"vertex", "seamless/patch.vert"}}, defines_of(hierarchy, parts)),
-        field(render::make_field_resources(hierarchy.frame, hierarchy.coverage())),
+        field(render::make_surface(hierarchy.frame, hierarchy.coverage())),
         paging(pages),
         ranges(mesh, pages.slots(), map_pages.count() > 0),
         most_index_bytes(Ranges::most_bytes(mesh, hierarchy.layout)),
@@ -80,7 +80,7 @@ struct SeamlessSession::Gpu {
   void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
 
   render::SurfaceProgram program;
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   Paging& paging;
   Ranges ranges;
   int64_t most_index_bytes;

@@ -12,7 +12,7 @@
 #include "methods/seamless/ranges.h"
 #include "methods/seamless/seamless.h"
 #include "methods/seamless/squares.h"
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 namespace lodlab::seamless {
 namespace {
@@ -29,7 +29,7 @@ int64_t branch(const Layout& layout) { return int64_t{1} << layout.branch_log2()
 /// The most that index ranges can take on the GPU, and what the field does.
 int64_t bytes_beside_heights(const Hierarchy& hierarchy, const PatchMesh& mesh) {
   return Ranges::most_bytes(mesh, hierarchy.layout) +
-         render::FieldResources::bytes_of(hierarchy.frame, !hierarchy.coverage().empty());
+         render::Surface::bytes_of(hierarchy.frame, !hierarchy.coverage().empty());
 }
 
 [[noreturn]] void refuse(const std::string& what, const char* option, int64_t least, int64_t given) {

@@ -121,7 +121,7 @@ struct FamilySession::Gpu {
   explicit Gpu(const FamilyHierarchy& hierarchy);
 
   render::SurfaceProgram program{{"vertex", "adversaries/node.vert"}};
-  std::shared_ptr<const render::FieldResources> field;
+  std::shared_ptr<const render::Surface> field;
   gl::Buffer vertices, indices;
   gl::VertexArray array;
   std::vector<Range> ranges;  ///< node by node, resolution by resolution
@@ -129,7 +129,7 @@ struct FamilySession::Gpu {
 };
 
 FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
-    : field(render::make_field_resources(hierarchy.frame, {})) {
+    : field(render::make_surface(hierarchy.frame, {})) {
   std::vector<Vertex> all;
   std::vector<uint32_t> corners;
   for (size_t id = 0; id < hierarchy.node.size(); ++id) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "render/field_resources.h"
+#include "render/surface.h"
 
 #include <epoxy/gl.h>
 
@@ -25,7 +25,8 @@ gl::Buffer mask_buffer(const FieldFrame& frame, const Bytes& coverage) {
 
 }  // namespace
 
-FieldResources::FieldResources(const FieldFrame& frame, const Bytes& coverage) : frame_(frame) {
+Surface::Surface(const FieldFrame& frame, const Bytes& coverage)
+    : kind_(frame.planet ? SurfaceKind::kPlanet : SurfaceKind::kFlat), frame_(frame) {
   gl::ensure_context();
   if (!coverage.empty()) coverage_ = mask_buffer(frame, coverage);
   if (!frame.planet) return;
@@ -36,22 +37,28 @@ FieldResources::FieldResources(const FieldFrame& frame, const Bytes& coverage) :
   rows_ = gl::Buffer(rows);
 }
 
-int64_t FieldResources::bytes_of(const FieldFrame& frame, bool has_coverage) {
+int64_t Surface::bytes_of(const FieldFrame& frame, bool has_coverage) {
   const int64_t mask = has_coverage ? (cell_columns(frame) * (frame.rows - 1) + 31) / 32 * 4 : 0;
   return mask + (frame.planet ? 16 * (frame.rows + frame.cols + 1) : 0);
 }
 
-void FieldResources::bind() const {
+CameraBlock Surface::block(const Camera& camera) const {
+  return kind_ == SurfaceKind::kMesh ? make_camera_block(camera, box_) : make_camera_block(camera, frame_);
+}
+
+void Surface::bind() const {
   if (has_coverage()) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, coverage_.id());
-  if (frame_.planet) {
+  if (kind_ == SurfaceKind::kPlanet) {
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, columns_.id());
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 2, rows_.id());
   }
   gl::check("glBindBufferBase");
 }
 
-std::shared_ptr<const FieldResources> make_field_resources(const FieldFrame& frame, const Bytes& coverage) {
-  return std::make_shared<const FieldResources>(frame, coverage);
+std::shared_ptr<const Surface> make_surface(const FieldFrame& frame, const Bytes& coverage) {
+  return std::make_shared<const Surface>(frame, coverage);
 }
+
+std::shared_ptr<const Surface> make_surface(const Box& mesh) { return std::make_shared<const Surface>(mesh); }
 
 }  // namespace lodlab::render
