@@ -12,14 +12,22 @@ import os
 import zlib
 
 from ..errors import InvalidInput
+from .gltf import read_gltf
+from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
-from .polygons import MeshData, triangles
+from .polygons import UNPACKED_ALWAYS, UNPACKED_AT_MOST, MeshData, triangles
+from .stl import read_stl
 
-_READERS = {".ply": read_ply, ".off": read_off}
+_READERS = {
+    ".ply": read_ply,
+    ".obj": read_obj,
+    ".stl": read_stl,
+    ".off": read_off,
+    ".gltf": read_gltf,
+    ".glb": read_gltf,
+}
 FORMATS = tuple(_READERS)
-UNPACKED_AT_MOST = 64  # times the size of a .gz file; meshes as text come to 10
-UNPACKED_ALWAYS = 1 << 26  # bytes that any .gz file may unpack to
 _CHUNK = 1 << 20
 
 

@@ -16,7 +16,7 @@ from typing import NoReturn
 import numpy as np
 
 from ..errors import InvalidInput
-from .polygons import Polygons, numbers
+from .polygons import Polygons, as_bytes, numbers, unrolled
 
 _TYPES = {
     "i1": ("char", "int8"), "u1": ("uchar", "uint8"), "i2": ("short", "int16"), "u2": ("ushort", "uint16"),
@@ -239,22 +239,11 @@ def _vertices(
     for names in _COLORS:
         if colors is None and all(name in codes for name in names[:3]):
             names = names if names[3] in codes else names[:3]
-            colors = _as_bytes(block(names))
+            colors = as_bytes(block(names))
             taken |= set(names)
     if rest := [p.name for p in element.properties if p.name not in taken]:
         used["ignored"] = f"of vertices {', '.join(rest)}"
     return block(("x", "y", "z")).astype(np.float64), colors, normals
-
-
-def _as_bytes(colors: np.ndarray) -> np.ndarray:
-    """(V, 4) uint8 of 8 bits, 16 bits or floats of 0 to 1."""
-    out = np.full((len(colors), 4), 255, np.uint8)
-    if colors.dtype.kind == "f":
-        colors = np.rint(np.clip(np.nan_to_num(colors), 0.0, 1.0) * 255.0)
-    elif colors.dtype.itemsize > 1 and colors.size and colors.max() > 255:
-        colors = colors >> 8
-    out[:, : colors.shape[1]] = np.clip(colors, 0, 255)
-    return out
 
 
 def _faces(
@@ -279,22 +268,3 @@ def _faces(
     if not corners:
         raise InvalidInput(f"open {path}: its header declares neither faces nor triangle strips")
     return np.concatenate(corners), np.concatenate(sizes)
-
-
-def unrolled(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """The corners of the triangles of strips, `lengths` values each; -1 begins a new strip, every second triangle is
-    turned, and triangles that only join (a vertex twice) are left out."""
-    values = values.astype(np.int64)
-    first = np.zeros(len(values) + 1, bool)  # where a strip begins
-    first[np.cumsum(lengths)[:-1]] = True
-    cut = values == -1
-    first[1:] |= cut
-    first[0] = True
-    begin = np.maximum.accumulate(np.where(first, np.arange(len(first)), 0))[:-1]
-    at = np.arange(len(values))
-    last = at[(at - begin >= 2) & ~cut]
-    a, b, c = values[last - 2], values[last - 1], values[last]
-    odd = (last - begin[last]) % 2 == 1
-    a, b = np.where(odd, b, a), np.where(odd, a, b)
-    joins = (a == b) | (b == c) | (a == c)
-    return np.stack([a, b, c], axis=1)[~joins].reshape(-1)
