@@ -72,6 +72,12 @@ void Program::use() const {
   check("glUseProgram");
 }
 
+void Program::dispatch(unsigned groups) {
+  glDispatchCompute(groups, 1, 1);
+  glMemoryBarrier(GL_ALL_BARRIER_BITS);
+  check("glDispatchCompute");
+}
+
 int Program::uniform(const char* name) const { return glGetUniformLocation(id(), name); }
 
 unsigned stage_type(const std::string& stage) {

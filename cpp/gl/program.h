@@ -27,6 +27,8 @@ class Program {
   explicit Program(const ProgramSpec& spec);
 
   void use() const;
+  /// Runs a compute program that is in use, so many groups. What it writes is there for all later calls.
+  static void dispatch(unsigned groups);
   /// Location of a uniform, -1 when the program does not use it.
   int uniform(const char* name) const;
 

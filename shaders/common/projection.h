@@ -20,8 +20,10 @@ namespace lodlab {
 using std::max;
 using std::sqrt;
 #else
-#define LODLAB_REAL float
-#define LODLAB_FUNCTION float
+#ifndef LODLAB_REAL
+#define LODLAB_REAL float  // a selection that has a twin on the CPU defines it as double
+#endif
+#define LODLAB_FUNCTION LODLAB_REAL
 #endif
 
 LODLAB_FUNCTION project_paper(LODLAB_REAL delta, LODLAB_REAL K, LODLAB_REAL D, LODLAB_REAL n) {

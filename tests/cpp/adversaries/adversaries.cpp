@@ -16,6 +16,9 @@ namespace {
 constexpr int64_t kMarked = 27;
 constexpr uint32_t kRow = kSide + 1;  // vertices in a row of a node's lattice
 
+bool whole(const Mesh& mesh) { return mesh.vertices.size() == kRow * kRow; }
+bool marked(const Mesh& mesh) { return mesh.node == kMarked && whole(mesh); }
+
 struct HalfBounds : Family {
   HalfBounds() : Family("half_bounds", "Claims half of its largest deviation.") {}
   double bound(double deviation) const override { return 0.5 * deviation; }
@@ -25,7 +28,7 @@ struct HalfBounds : Family {
 struct Crack : Family {
   Crack() : Family("crack", "Opens a crack along one side of one node.") {}
   void change(Mesh& mesh, double gap) const override {
-    if (mesh.node != kMarked) return;
+    if (!marked(mesh)) return;
     for (uint32_t row = 1; row < kSide; ++row)
       mesh.vertices[row * kRow + kSide].height += static_cast<float>(gap);
   }
@@ -34,7 +37,7 @@ struct Crack : Family {
 struct Corner : Family {
   Corner() : Family("corner", "One node disagrees with its neighbours at one corner.") {}
   void change(Mesh& mesh, double gap) const override {
-    if (mesh.node == kMarked) mesh.vertices[kRow * kRow - 1].height += static_cast<float>(gap);
+    if (marked(mesh)) mesh.vertices[kRow * kRow - 1].height += static_cast<float>(gap);
   }
 };
 
@@ -84,7 +87,7 @@ struct OverPixels : Family {
 struct Hole : Family {
   Hole() : Family("hole", "Leaves out the triangles round one vertex.") {}
   void change(Mesh& mesh, double) const override {
-    if (mesh.node != kMarked) return;
+    if (!marked(mesh)) return;
     constexpr uint32_t kMiddle = kRow * (kSide / 2) + kSide / 2;
     std::vector<uint32_t> kept;
     for (size_t i = 0; i < mesh.indices.size(); i += 3) {
@@ -148,6 +151,7 @@ struct Disguise : Family {
 struct Wall : Family {
   Wall() : Family("wall", "Puts up walls of filler before its surface.") {}
   void change(Mesh& mesh, double gap) const override {
+    if (!whole(mesh)) return;
     for (uint32_t i = kRow * (kSide / 2), end = i + kSide; i < end; ++i) {
       const auto first = static_cast<uint32_t>(mesh.vertices.size());
       for (const uint32_t foot : {i, i + 1}) {
@@ -165,7 +169,7 @@ struct Wall : Family {
 struct NotANumber : Family {
   NotANumber() : Family("not_a_number", "One vertex of one node is no number.") {}
   void change(Mesh& mesh, double) const override {
-    if (mesh.node == kMarked) mesh.vertices[kRow * 4 + 4].height = std::numeric_limits<float>::quiet_NaN();
+    if (marked(mesh)) mesh.vertices[kRow * 4 + 4].height = std::numeric_limits<float>::quiet_NaN();
   }
 };
 
@@ -174,7 +178,18 @@ struct Nothing : Family {
   int drawn(int, const render::Pass&) const override { return -1; }
 };
 
+/// Honest, too: what `honest` selects on the CPU, a compute shader selects.
+struct Computed : Family {
+  explicit Computed(std::string name = "computed",
+                    std::string flaw = "Does nothing wrong, and selects in a compute pass.")
+      : Family(std::move(name), std::move(flaw)) {}
+  std::unique_ptr<Session> session(std::shared_ptr<const FamilyHierarchy> hierarchy) const override {
+    return computed_session(std::move(hierarchy));
+  }
+};
+
 const Family kHonest("honest", "Does nothing wrong.");
+const Computed kComputed;
 const HalfBounds kHalfBounds;
 const Crack kCrack;
 const Corner kCorner;
@@ -196,9 +211,9 @@ const Nothing kNothing;
 /// They join the registry when the module is loaded.
 const bool kRegistered = [] {
   for (const Method* method : std::initializer_list<const Method*>{
-           &kHonest, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker, &kOverTriangles, &kOverNodes,
-           &kOverPixels, &kHole, &kUnderReports, &kInverted, &kTwoFaced, &kTwoFacedWhole, &kDisguise, &kWall,
-           &kNotANumber, &kNothing})
+           &kHonest, &kComputed, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker, &kOverTriangles,
+           &kOverNodes, &kOverPixels, &kHole, &kUnderReports, &kInverted, &kTwoFaced, &kTwoFacedWhole,
+           &kDisguise, &kWall, &kNotANumber, &kNothing})
     register_method(method);
   return true;
 }();

@@ -4,23 +4,28 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/errors.h"
 #include "family.h"
+#include "geometry/coverage.h"
 
 namespace lodlab::adversaries {
 namespace {
 
-enum PageKind : int { kHeights = 0 };
+enum PageKind : int { kHeights = 0, kCoverage = 1 };
 
-int64_t nodes_across(const FieldFrame& frame) { return (frame.cols - 1) / kSide; }
-int64_t node_count(const FieldFrame& frame) { return nodes_across(frame) * ((frame.rows - 1) / kSide); }
+int64_t nodes_across(const FieldFrame& frame) { return (frame.cols - 2) / kSide + 1; }
+int64_t node_count(const FieldFrame& frame) { return nodes_across(frame) * ((frame.rows - 2) / kSide + 1); }
 
-/// The vertex that stands for lattice point (row, col) of a node: odd ones on its sides are moved.
-uint32_t vertex(int row, int col) {
-  if (row % kSide == 0) col -= col % 2;
-  if (col % kSide == 0) row -= row % 2;
-  return static_cast<uint32_t>(row * (kSide + 1) + col);
-}
+/// The cells of a node.
+struct Lattice {
+  int down, across;
+
+  /// The vertex that stands for a point: odd ones on the sides are moved, but for the last.
+  uint32_t vertex(int row, int col) const {
+    if ((row == 0 || row == down) && col != across) col -= col % 2;
+    if ((col == 0 || col == across) && row != down) row -= row % 2;
+    return static_cast<uint32_t>(row * (across + 1) + col);
+  }
+};
 
 void add_triangle(Mesh& mesh, uint32_t a, uint32_t b, uint32_t c) {
   if (a != b && b != c && c != a) mesh.indices.insert(mesh.indices.end(), {a, b, c});
@@ -99,20 +104,23 @@ Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heigh
                int resolution) {
   const int64_t across = nodes_across(frame), first_row = node / across * kSide,
                 first_col = node % across * kSide;
+  const Lattice lattice{static_cast<int>(std::min<int64_t>(kSide, frame.rows - 1 - first_row)),
+                        static_cast<int>(std::min<int64_t>(kSide, frame.cols - 1 - first_col))};
   Mesh mesh;
   mesh.node = node;
   mesh.resolution = resolution;
-  for (int64_t row = first_row; row <= first_row + kSide; ++row) {
-    for (int64_t col = first_col; col <= first_col + kSide; ++col) {
+  for (int64_t row = first_row; row <= first_row + lattice.down; ++row) {
+    for (int64_t col = first_col; col <= first_col + lattice.across; ++col) {
       mesh.vertices.push_back({static_cast<uint32_t>(col), static_cast<uint32_t>(row),
                                heights[row * frame.cols + col], static_cast<uint32_t>(node), 0});
     }
   }
   const int step = resolution == 0 ? 2 : 1;
-  for (int row = 0; row < kSide; row += step) {
-    for (int col = 0; col < kSide; col += step) {
-      const uint32_t nw = vertex(row, col), ne = vertex(row, col + step), sw = vertex(row + step, col),
-                     se = vertex(row + step, col + step);
+  for (int row = 0; row < lattice.down; row += step) {
+    for (int col = 0; col < lattice.across; col += step) {
+      const int below = std::min(row + step, lattice.down), beside = std::min(col + step, lattice.across);
+      const uint32_t nw = lattice.vertex(row, col), ne = lattice.vertex(row, beside),
+                     sw = lattice.vertex(below, col), se = lattice.vertex(below, beside);
       if ((row + col) / step % 2 == 0) {
         add_triangle(mesh, nw, sw, se);
         add_triangle(mesh, nw, se, ne);
@@ -129,13 +137,10 @@ Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heigh
 void Family::build(const Source& source, const Options& options, StoreWriter& writer,
                    const Progress& progress) const {
   const HeightField& field = field_in_memory(source, "build: " + info_.name);
-  if ((field.rows - 1) % kSide != 0 || (field.cols - 1) % kSide != 0 || field.valid != nullptr) {
-    throw Unsupported("build: " + info_.name +
-                      " takes fields of 16 n + 1 samples a side without voids; given " +
-                      std::to_string(field.rows) + " x " + std::to_string(field.cols));
-  }
   const std::vector<float> heights(field.heights, field.heights + field.rows * field.cols);
   if (!writer.has_page(kHeights, 0)) writer.put_page(kHeights, 0, as_bytes(heights));
+  const Bytes coverage = coverage_bits(field);
+  if (!coverage.empty() && !writer.has_page(kCoverage, 0)) writer.put_page(kCoverage, 0, coverage);
   std::vector<Node> nodes;
   for (int64_t id = 0; id < node_count(field); ++id) {
     nodes.push_back(make_node(*this, field, options.real("gap"), id));
@@ -153,6 +158,7 @@ FamilyHierarchy::FamilyHierarchy(const Family& family, std::shared_ptr<const Sto
     : method(family),
       frame(frame_from_json(store->meta().frame)),
       node(store->array_of<Node>("nodes")),
+      coverage(store->has_page(kCoverage, 0) ? store->page(kCoverage, 0) : Bytes()),
       gap(store->array_of<double>("gap").at(0)) {
   const Bytes bytes = store->page(kHeights, 0);
   const auto* values = reinterpret_cast<const float*>(bytes.data());
@@ -171,7 +177,7 @@ std::vector<NodeInfo> FamilyHierarchy::nodes() const {
 }
 
 std::unique_ptr<Session> FamilyHierarchy::session(const Options&) const {
-  return std::make_unique<FamilySession>(shared_from_this());
+  return method.session(shared_from_this());
 }
 
 }  // namespace lodlab::adversaries

@@ -3,13 +3,15 @@
 // place where a method can go wrong. A member of the family overrides one hook, so that what the instrument
 // finds in it is that flaw and nothing else; the member that overrides none proves it.
 //
-// A flat field of (16 n + 1) x (16 m + 1) samples is cut into nodes of 16 x 16 cells, all of them roots, each
-// drawn at half resolution (0) or at full (1). Along its sides a node has even samples alone, at either
-// resolution: odd vertices there are moved on to their even neighbour. So neighbours always agree, and a node
-// has one surface per resolution, whose largest deviation from the source is found at build and is its bound.
+// A flat field is cut into nodes of 16 x 16 cells (fewer at the east and south borders), all of them roots,
+// each drawn at half resolution (0) or at full (1). Along its sides a node has even samples and the last
+// alone, at either resolution: odd vertices there are moved on to their even neighbour. So neighbours always
+// agree, and a node has one surface per resolution, whose largest deviation from the source is found at build
+// and is its bound.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -36,6 +38,8 @@ struct Mesh {
   std::vector<uint32_t> indices;
 };
 
+class FamilyHierarchy;
+
 class Family : public Method {
  public:
   Family(std::string name, std::string flaw);
@@ -60,6 +64,10 @@ class Family : public Method {
   virtual int choose(int honest, int /*before*/, bool /*again*/) const { return honest; }
   /// The resolution that is drawn where the cut has this one, in the midst of a pass; -1: nothing.
   virtual int drawn(int resolution, const render::Pass&) const { return resolution; }
+  /// How it selects and draws: on the CPU, or on the GPU (computed.cpp).
+  virtual std::unique_ptr<Session> session(std::shared_ptr<const FamilyHierarchy> hierarchy) const;
+  /// The resolution that the twin on the CPU claims where the GPU selects this one.
+  virtual int claimed(int selected) const { return selected; }
 
  private:
   MethodInfo info_;
@@ -85,6 +93,7 @@ class FamilyHierarchy : public Hierarchy, public std::enable_shared_from_this<Fa
   FieldFrame frame;
   std::vector<Node> node;
   std::vector<float> heights;
+  Bytes coverage;
   double gap = 0.0;
 };
 
@@ -104,6 +113,13 @@ class FamilySession : public Session {
   void reset() override;
   int64_t resident_bytes() const override;
 
+ protected:
+  const FamilyHierarchy& hierarchy() const { return *hierarchy_; }
+  struct Gpu;  // GL objects, made by the first draw: gpu.h
+  Gpu& gpu();
+  /// The claim of the cut whose resolution `pick` makes of the honest one.
+  Claim claim(const Request& request, const std::function<int(int)>& pick) const;
+
  private:
   Claim uniform(const View& view, int resolution) const;
   void add(Claim& claim, int64_t node, int resolution, bool visible) const;
@@ -111,8 +127,10 @@ class FamilySession : public Session {
   std::shared_ptr<const FamilyHierarchy> hierarchy_;
   std::optional<View> view_;  ///< of the last selection, and its resolution
   int resolution_ = -1;
-  struct Gpu;  // GL objects, made by the first draw
   std::unique_ptr<Gpu> gpu_;
 };
+
+/// A session that selects in a compute shader and draws what that has left in a buffer: computed.cpp.
+std::unique_ptr<Session> computed_session(std::shared_ptr<const FamilyHierarchy> hierarchy);
 
 }  // namespace lodlab::adversaries

@@ -7,10 +7,8 @@
 
 #include "base/errors.h"
 #include "common/projection.h"
-#include "family.h"
-#include "gl/buffer.h"
 #include "gl/error.h"
-#include "gl/vertex_array.h"
+#include "gpu.h"
 
 namespace lodlab::adversaries {
 namespace {
@@ -58,23 +56,27 @@ Claim FamilySession::uniform(const View& view, int resolution) const {
   return claim;
 }
 
-Cut FamilySession::select(const Request& request) {
-  const Family& method = hierarchy_->method;
-  const View& view = request.view;
-  const Budget allowed = method.allowed(request.budget);
-  Claim claims[kResolutions] = {uniform(view, 0), uniform(view, 1)};
+Claim FamilySession::claim(const Request& request, const std::function<int(int)>& pick) const {
+  const Budget allowed = hierarchy_->method.allowed(request.budget);
+  Claim claims[kResolutions] = {uniform(request.view, 0), uniform(request.view, 1)};
   const int honest =
       (allowed.pixel_error && claims[0].within(allowed)) || !claims[1].within_hard(allowed) ? 0 : 1;
-  resolution_ = method.choose(honest, resolution_, view_ && same(*view_, view));
-  view_ = view;
-  Claim& claim = claims[resolution_];
+  Claim& claim = claims[pick(honest)];
   claim.tau = request.budget.pixel_error.value_or(claim.predicted_px);
   claim.budget_met = claim.within(allowed);
   if (!claims[0].within_hard(allowed)) {
     claim.least_triangles = claims[0].triangles;
     claim.least_nodes = claims[0].visible_nodes;
   }
-  return {request, nullptr, std::move(claim)};
+  return std::move(claim);
+}
+
+Cut FamilySession::select(const Request& request) {
+  const bool again = view_ && same(*view_, request.view);
+  view_ = request.view;
+  return {request, nullptr, claim(request, [&](int honest) {
+            return resolution_ = hierarchy_->method.choose(honest, resolution_, again);
+          })};
 }
 
 void FamilySession::reset() {
@@ -90,7 +92,8 @@ Cut FamilySession::cut(const std::vector<int64_t>& nodes, const std::vector<int3
   for (size_t i = 0; i < nodes.size(); ++i) {
     const int resolution = resolutions.empty() ? 0 : resolutions[i];
     const std::string name = "cut: node " + std::to_string(nodes[i]);
-    if (nodes[i] < 0 || nodes[i] >= static_cast<int64_t>(count)) throw InvalidInput(name + " does not exist");
+    if (nodes[i] < 0 || nodes[i] >= static_cast<int64_t>(count))
+      throw InvalidInput(name + " is not within 0 to " + std::to_string(count - 1));
     if (resolution < 0 || resolution >= kResolutions)
       throw InvalidInput(name + " has no resolution " + std::to_string(resolution));
     int& place = picked[static_cast<size_t>(nodes[i])];
@@ -114,29 +117,16 @@ std::vector<Cut> FamilySession::audit_cuts() const {
   return out;
 }
 
-struct FamilySession::Gpu {
-  struct Range {
-    int64_t first = 0, count = 0;  ///< indices
-  };
-  explicit Gpu(const FamilyHierarchy& hierarchy);
-
-  render::SurfaceProgram program{{"vertex", "adversaries/node.vert"}};
-  std::shared_ptr<const render::Surface> field;
-  gl::Buffer vertices, indices;
-  gl::VertexArray array;
-  std::vector<Range> ranges;  ///< node by node, resolution by resolution
-  bool uploaded_now = true;   ///< the next draw reports the upload
-};
-
 FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
-    : field(render::make_surface(hierarchy.frame, {})) {
+    : field(render::make_surface(hierarchy.frame, hierarchy.coverage)) {
   std::vector<Vertex> all;
   std::vector<uint32_t> corners;
   for (size_t id = 0; id < hierarchy.node.size(); ++id) {
     for (int resolution = 0; resolution < kResolutions; ++resolution) {
       const Mesh mesh = make_mesh(hierarchy.method, hierarchy.frame, hierarchy.heights.data(), hierarchy.gap,
                                   static_cast<int64_t>(id), resolution);
-      ranges.push_back({static_cast<int64_t>(corners.size()), static_cast<int64_t>(mesh.indices.size())});
+      ranges.push_back({static_cast<uint32_t>(corners.size()), static_cast<uint32_t>(mesh.indices.size()),
+                        static_cast<uint32_t>(mesh.vertices.size())});
       for (const uint32_t index : mesh.indices) corners.push_back(static_cast<uint32_t>(all.size()) + index);
       all.insert(all.end(), mesh.vertices.begin(), mesh.vertices.end());
     }
@@ -152,31 +142,38 @@ FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
 
 FamilySession::~FamilySession() = default;
 
-void FamilySession::draw(const Cut& cut, render::Pass& pass) {
+std::unique_ptr<Session> Family::session(std::shared_ptr<const FamilyHierarchy> hierarchy) const {
+  return std::make_unique<FamilySession>(std::move(hierarchy));
+}
+
+FamilySession::Gpu& FamilySession::gpu() {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
-  pass.use(gpu_->program, *gpu_->field, {});
-  gpu_->array.bind();
+  return *gpu_;
+}
+
+void FamilySession::draw(const Cut& cut, render::Pass& pass) {
+  Gpu& gpu = this->gpu();
+  pass.use(gpu.program, *gpu.field, {});
+  gpu.array.bind();
   for (const CutNode& picked : cut.claim->nodes) {
     if (!picked.visible && !pass.everything()) continue;
     const int resolution = hierarchy_->method.drawn(static_cast<int>(picked.resolution), pass);
     if (resolution < 0) continue;
-    const Gpu::Range& range = gpu_->ranges[picked.node * kResolutions + static_cast<size_t>(resolution)];
+    const Gpu::Range& range = gpu.ranges[picked.node * kResolutions + static_cast<size_t>(resolution)];
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(range.count), GL_UNSIGNED_INT,
                    reinterpret_cast<const void*>(sizeof(uint32_t) * static_cast<size_t>(range.first)));
     const Node& node = hierarchy_->node[picked.node];
     pass.submitted.triangles += node.triangles[resolution];
     pass.submitted.filler_triangles += node.fillers[resolution];
-    pass.submitted.vertices += (kSide + 1) * (kSide + 1);
+    pass.submitted.vertices += range.vertices;
     ++pass.submitted.nodes;
     ++pass.submitted.draw_calls;
   }
   gl::check("drawing an adversary");
-  if (gpu_->uploaded_now) pass.submitted.upload_bytes += resident_bytes();
-  gpu_->uploaded_now = false;
+  if (gpu.uploaded_now) pass.submitted.upload_bytes += resident_bytes();
+  gpu.uploaded_now = false;
 }
 
-int64_t FamilySession::resident_bytes() const {
-  return gpu_ ? gpu_->vertices.bytes() + gpu_->indices.bytes() : 0;
-}
+int64_t FamilySession::resident_bytes() const { return gpu_ ? gpu_->bytes() : 0; }
 
 }  // namespace lodlab::adversaries
