@@ -21,6 +21,7 @@ NODES = 64
 FINE = NODES * 480  # triangles of all nodes at full resolution, those that vanish on their sides left out
 
 # Who is caught by whom. The first is the detector that the adversary was made for. Others fire rightly:
+# - false_twin: the finer cut that it claims has the smaller error; cuts by hand, which an audit draws, have no twin.
 # - half_bounds: the law looks at the frames, the audit at every node.
 # - pop: pop_px_max says how far, pop_area how much of the picture, of the same jump.
 # - hole: its rim has edges without a partner (no surface without such edges leaves a sample out); through it the
@@ -30,6 +31,7 @@ FINE = NODES * 480  # triangles of all nodes at full resolution, those that vani
 EXPECTED: dict[str, tuple[str, ...]] = {
     "honest": (),
     "computed": (),
+    "false_twin": ("error",),
     "half_bounds": ("error", "audit"),
     "crack": ("crack_edges",),
     "corner": ("crack_edges",),
@@ -166,6 +168,9 @@ def test_the_flaws_are_as_large_as_they_say(seen):
     assert (frames["inverted"]["inverted_triangles"] == NODES * 128).all()
     assert (frames["disguise"]["slanted_filler_triangles"] == NODES * 128).all()
     assert (frames["wall"]["raised_filler_triangles"] == NODES * 32).all()
+    for column in ("triangles", "drawn_triangles", "measured_px_max"):
+        assert (frames["false_twin"][column] == frames["honest"][column]).all(), "it draws what the honest do"
+    assert (frames["false_twin"]["predicted_px"] < 0.6 * frames["honest"]["predicted_px"]).all()
     told = frames["under_reports"]
     assert (told["drawn_triangles"] - told["triangles"] == NODES).all(), "one a node"
 

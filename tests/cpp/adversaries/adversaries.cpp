@@ -188,8 +188,15 @@ struct Computed : Family {
   }
 };
 
+/// The GPU selects the coarser resolution; the twin says that it was the finer.
+struct FalseTwin : Computed {
+  FalseTwin() : Computed("false_twin", "Claims on the CPU another cut than the GPU selects and draws.") {}
+  int claimed(int) const override { return 1; }
+};
+
 const Family kHonest("honest", "Does nothing wrong.");
 const Computed kComputed;
+const FalseTwin kFalseTwin;
 const HalfBounds kHalfBounds;
 const Crack kCrack;
 const Corner kCorner;
@@ -211,9 +218,9 @@ const Nothing kNothing;
 /// They join the registry when the module is loaded.
 const bool kRegistered = [] {
   for (const Method* method : std::initializer_list<const Method*>{
-           &kHonest, &kComputed, &kHalfBounds, &kCrack, &kCorner, &kPop, &kFlicker, &kOverTriangles,
-           &kOverNodes, &kOverPixels, &kHole, &kUnderReports, &kInverted, &kTwoFaced, &kTwoFacedWhole,
-           &kDisguise, &kWall, &kNotANumber, &kNothing})
+           &kHonest,   &kComputed,      &kFalseTwin, &kHalfBounds, &kCrack,      &kCorner,       &kPop,
+           &kFlicker,  &kOverTriangles, &kOverNodes, &kOverPixels, &kHole,       &kUnderReports, &kInverted,
+           &kTwoFaced, &kTwoFacedWhole, &kDisguise,  &kWall,       &kNotANumber, &kNothing})
     register_method(method);
   return true;
 }();
