@@ -82,6 +82,8 @@ def test_a_trimesh_object_is_a_mesh():
         ({"faces": [[0, 1, -1]]}, "triangle 0 of arrays names vertex -1 of 4"),
         ({"faces": [[0, 1, 2**31]]}, "names vertex 2147483648 of 4"),
         ({"faces": [[0, 1, 2**40]]}, "names vertex 1099511627776 of 4"),
+        ({"faces": np.broadcast_to(np.int64(0), (2**31 // 3 + 1, 3))}, r"715827883 triangles; .* \(2\^31 indices\)"),
+        ({"positions": np.broadcast_to(0.0, (2**32 + 1, 3))}, "4294967297 vertices"),
         ({"faces": [[0.0, 1.0, 2.0]]}, "whole numbers"),
         ({"faces": [[0, 1, 2, 3]]}, r"\(N, 3\)"),
         ({"positions": [[0, 0, np.nan]] * 4}, "vertex 0 .* not finite"),

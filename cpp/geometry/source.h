@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a user brings: the one face that building, stores and the instrument know sources by. A source is
-// immutable and shared. Below it stand the kinds: FieldSource (heights on a grid, height_field.h).
+// immutable and shared. Below it stand the kinds: FieldSource (heights on a grid,
+// height_field.h) and Mesh (mesh.h).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +12,7 @@ namespace lodlab {
 struct Source {
   virtual ~Source() = default;
 
-  virtual std::string kind() const = 0;  ///< heightfield or planet: what MethodInfo::accepts lists
+  virtual std::string kind() const = 0;  ///< heightfield, planet or mesh: what MethodInfo::accepts lists
   virtual std::string hash() const = 0;  ///< of all that is measured against: 32 hex digits
   /// Where it lies, JSON with its kind: what stores keep of it.
   virtual std::string frame() const = 0;

@@ -97,7 +97,7 @@ def _earth(
 
 
 def _earth_globe(size: int = 256, vertical_scale: float = 1.0) -> Mesh:
-    return shapes.globe(_earth(planet=True), size, vertical_scale)
+    return shapes.globe(_earth(planet=True).loaded(), size, vertical_scale)
 
 
 def fractal_window(

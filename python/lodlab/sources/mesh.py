@@ -22,7 +22,8 @@ from .raster import title
 from .spec import format_spec
 
 REPAIRS = ("weld", "degenerate", "duplicates", "orient", "split", "unused")
-_COUNTED = 2**32  # vertices that 32-bit indices name
+MOST_VERTICES = 2**32  # that 32-bit indices name
+MOST_TRIANGLES = 2**31 // 3
 
 
 def _array(what: str, values: Any, name: str, kinds: str, widths: tuple[int, ...]) -> np.ndarray:
@@ -43,8 +44,11 @@ def _array(what: str, values: Any, name: str, kinds: str, widths: tuple[int, ...
 def _faces(values: Any, vertices: int, name: str) -> np.ndarray:
     """(F, 3) uint32; InvalidInput names the first index that no 32 bits hold."""
     array = _array("faces", values, name, "iu", (3,))
-    if vertices > _COUNTED:
-        raise InvalidInput(f"mesh: {name} has {vertices} vertices; at most {_COUNTED} can be named by 32-bit indices")
+    if vertices > MOST_VERTICES or len(array) > MOST_TRIANGLES:
+        raise InvalidInput(
+            f"mesh: {name} has {vertices} vertices and {len(array)} triangles; at most {MOST_VERTICES} and "
+            f"{MOST_TRIANGLES} (2^31 indices) are possible"
+        )
     if array.size and (int(array.min()) < 0 or int(array.max()) >= vertices):
         face, corner = np.argwhere((array < 0) | (array >= vertices))[0]
         raise InvalidInput(f"mesh: triangle {face} of {name} names vertex {array[face, corner]} of {vertices}")
@@ -91,11 +95,12 @@ class Mesh(Source):
     ) -> None:
         if faces is None:
             positions, faces, colors = _of_trimesh(positions, colors)
-        points = np.array(_array("positions", positions, name, "iuf", (3,)), np.float64, order="C")
+        points = _array("positions", positions, name, "iuf", (3,))
+        triangles = _faces(faces, len(points), name)  # before anything is copied
         self._hold(
             MeshData(
-                points,
-                _faces(faces, len(points), name),
+                np.array(points, np.float64, order="C"),
+                triangles,
                 None if colors is None else _colors(colors, name),
                 None if normals is None else np.array(_array("normals", normals, name, "iuf", (3,)), np.float32),
             ),
