@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "gl/error.h"
+#include "method/indirect.h"
 
 namespace lodlab {
 namespace {
@@ -84,11 +85,7 @@ bool MapTexture::bring(uint32_t unit, bool wait, render::Submitted& submitted, d
 }
 
 void MapTexture::upload(gl::VertexArray& arrays, render::Submitted& submitted) {
-  const std::span<const std::byte> bytes = as_bytes(rows_);
-  const auto needed = static_cast<int64_t>(bytes.size());
-  if (needed > instances_.bytes()) instances_ = gl::Buffer(std::max(needed, 2 * instances_.bytes()));
-  instances_.upload(0, bytes);
-  submitted.upload_bytes += needed;
+  send(instances_, as_bytes(rows_), submitted);
   arrays.source(slot_, instances_, 0, sizeof(MapRow));
 }
 

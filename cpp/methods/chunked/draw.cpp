@@ -8,18 +8,16 @@
 #include <unordered_map>
 
 #include "base/errors.h"
-#include "gl/buffer.h"
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/texture.h"
 #include "gl/vertex_array.h"
+#include "method/indirect.h"
 #include "methods/chunked/session.h"
 #include "render/surface.h"
 
 namespace lodlab::chunked {
 namespace {
-
-constexpr int64_t kUploadPerFrame = 8 << 20;  // bytes a streaming frame may move
 
 /// Instanced attributes of one chunk (chunk.vert): what every pass needs in one fetch, the rest in another.
 struct Instance {
@@ -28,13 +26,7 @@ struct Instance {
   uint32_t square;  // side << 8 | level
 };
 
-struct Command {  // DrawElementsIndirectCommand
-  uint32_t count, instances, first_index;
-  int32_t base_vertex;
-  uint32_t base_instance;
-};
-
-static_assert(sizeof(Instance) == kInstanceBytes && sizeof(Command) == kCommandBytes);
+static_assert(sizeof(Instance) == kInstanceBytes && sizeof(gl::DrawCommand) == kCommandBytes);
 
 GLenum index_type(const ChunkedHierarchy& tree) {
   return tree.index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
@@ -50,7 +42,7 @@ struct ChunkedSession::Gpu {
   std::shared_ptr<const render::Surface> field;
   render::SurfaceProgram program;
   std::vector<Instance> instance_data;
-  std::vector<Command> command_data;
+  std::vector<gl::DrawCommand> command_data;
   std::vector<uint32_t> dropped;
 
   explicit Gpu(const ChunkedHierarchy& tree, int64_t buffer_bytes)
@@ -64,17 +56,6 @@ struct ChunkedSession::Gpu {
     arrays.source(0, geometry, 0, sizeof(Vertex));
     arrays.indices(geometry);
     gl::check("glVertexArrayBindingDivisor");
-  }
-
-  /// Room for so many chunks, at least doubled, but never for more than so many.
-  void reserve(size_t chunks, int64_t most) {
-    const auto needed = static_cast<int64_t>(chunks * sizeof(Instance));
-    if (needed <= instances.bytes()) return;
-    const int64_t room =
-        std::clamp(2 * instances.bytes() / kInstanceBytes, static_cast<int64_t>(chunks), most);
-    instances = gl::Buffer(room * kInstanceBytes);
-    commands = gl::Buffer(room * kCommandBytes);
-    arrays.source(1, instances, 0, sizeof(Instance));
   }
 
   void upload(const ChunkedHierarchy& tree, const Residency::Upload& upload, render::Submitted& submitted) {
@@ -105,9 +86,11 @@ struct ChunkedSession::Gpu {
 /// Draws what was added, and forgets it.
 void ChunkedSession::Gpu::submit(const ChunkedHierarchy& tree, int64_t most, render::Pass& pass) {
   if (command_data.empty()) return;
-  reserve(instance_data.size(), most);
-  instances.upload(0, as_bytes(instance_data));
-  pass.submitted.upload_bytes += static_cast<int64_t>(as_bytes(instance_data).size());
+  const auto chunks = static_cast<int64_t>(instance_data.size());
+  reserve(commands, chunks * kCommandBytes, most * kCommandBytes);
+  if (reserve(instances, chunks * kInstanceBytes, most * kInstanceBytes))
+    arrays.source(1, instances, 0, sizeof(Instance));
+  send(instances, as_bytes(instance_data), pass.submitted);
   const bool textured = !textures.empty();
   const unsigned name = pass.use(program, *field, {.colors = textured});
   glUniform2f(glGetUniformLocation(name, "u_quantum"), static_cast<float>(tree.quantizer.quantum),
@@ -123,19 +106,15 @@ void ChunkedSession::Gpu::submit(const ChunkedHierarchy& tree, int64_t most, ren
 }
 
 void ChunkedSession::Gpu::draw_all(const ChunkedHierarchy& tree, render::Pass& pass) {
-  commands.upload(0, as_bytes(command_data));
-  pass.submitted.upload_bytes += static_cast<int64_t>(as_bytes(command_data).size());
-  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
-  glMultiDrawElementsIndirect(GL_TRIANGLES, index_type(tree), nullptr,
-                              static_cast<GLsizei>(command_data.size()), 0);
-  gl::check("glMultiDrawElementsIndirect");
+  send(commands, as_bytes(command_data), pass.submitted);
+  gl::draw_indirect(commands, 0, command_data.size(), index_type(tree));
   pass.submitted.draw_calls += 1;
 }
 
 void ChunkedSession::Gpu::draw_textured(const ChunkedHierarchy& tree, unsigned name, render::Pass& pass) {
   const GLint texels = glGetUniformLocation(name, "u_texels");
   for (size_t i = 0; i < command_data.size(); ++i) {
-    const Command& c = command_data[i];
+    const gl::DrawCommand& c = command_data[i];
     const Node& node = tree.node[instance_data[i].node];
     textures.at(instance_data[i].node).bind(0);
     glUniform1f(texels, static_cast<float>(node.texture_side));

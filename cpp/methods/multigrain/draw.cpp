@@ -10,10 +10,10 @@
 #include <optional>
 
 #include "base/errors.h"
-#include "gl/buffer.h"
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
+#include "method/indirect.h"
 #include "method/map_memory.h"
 #include "methods/multigrain/grids.h"
 #include "methods/multigrain/lattice.h"
@@ -32,20 +32,6 @@ struct Instance {
   int32_t height, tile_rows;  ///< index of its first height
   uint32_t node, bits;        ///< level << 16 | side << 8 | stride
 };
-
-struct Command {  // DrawElementsIndirectCommand
-  uint32_t count, instances, first_index;
-  int32_t base_vertex;
-  uint32_t base_instance;
-};
-
-constexpr int64_t kUploadPerFrame = 8 << 20;  // bytes that a streaming frame may move
-
-/// Makes room: never smaller, at least doubled.
-void reserve(gl::Buffer& buffer, size_t bytes) {
-  const auto needed = static_cast<int64_t>(bytes);
-  if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
-}
 
 }  // namespace
 
@@ -100,10 +86,9 @@ struct MultigrainSession::Gpu {
   gl::VertexArray arrays;
   StrideMap map;
   std::vector<Instance> instance_data;
-  std::vector<Command> command_data, fringe_data;
+  std::vector<gl::DrawCommand> command_data, fringe_data;
   std::vector<Batch> batches;
   std::vector<Pick> picks;
-  std::vector<uint32_t> dropped;
   std::optional<MapMemory> maps;
 };
 
@@ -159,14 +144,9 @@ void MultigrainSession::Gpu::add(const Forest& forest, const Pick& pick, render:
 
 /// Brings what changed to the GPU. Grids that a frame adds stay.
 void MultigrainSession::Gpu::upload(render::Submitted& submitted) {
-  const auto send = [&](gl::Buffer& buffer, std::span<const std::byte> bytes) {
-    reserve(buffer, bytes.size());
-    buffer.upload(0, bytes);
-    submitted.upload_bytes += static_cast<int64_t>(bytes.size());
-  };
-  send(instances, as_bytes(instance_data));
-  send(commands, as_bytes(command_data));
-  send(strides, as_bytes(map));
+  send(instances, as_bytes(instance_data), submitted);
+  send(commands, as_bytes(command_data), submitted);
+  send(strides, as_bytes(map), submitted);
   maps->upload(arrays, submitted);
   if (static_cast<int64_t>(as_bytes(grids.indices()).size()) > indices.bytes()) {
     indices = gl::Buffer(grids.indices());
@@ -198,28 +178,13 @@ void MultigrainSession::Gpu::draw(const Layout& layout, const Batch& batch, rend
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeightBuffer, vertices.id());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kStrideBuffer, strides.id());
   arrays.bind();
-  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
-  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
-                              reinterpret_cast<const void*>(batch.first * sizeof(Command)),
-                              static_cast<GLsizei>(batch.count), 0);
-  gl::check("glMultiDrawElementsIndirect");
+  gl::draw_indirect(commands, batch.first, batch.count, GL_UNSIGNED_INT);
   ++pass.submitted.draw_calls;
 }
 
-/// Brings a tile to the GPU, when streaming its parents before it, and uses them. With a worth it comes from
-/// main memory only, and may drive out what is worth less. False: it is not there, or this frame uses all the
-/// memory that there is.
 bool MultigrainSession::Gpu::bring(uint32_t unit, std::optional<double> worth, render::Submitted& submitted) {
-  Residency& residency = paging.residency();
-  paging.touch(unit, worth.value_or(0.0));
-  if (residency.offset(unit) >= 0) return true;
-  if (paging.streams() && unit >= paging.roots() && !bring(paging.parent(unit), worth, submitted))
-    return false;
-  const auto upload = residency.admit(unit, !worth, dropped, worth.value_or(0.0));
-  dropped.clear();
-  if (!upload) return false;
-  tiles.put(*upload, submitted);
-  return true;
+  return lodlab::bring(paging, unit, worth,
+                       [&](const Residency::Upload& upload) { tiles.put(upload, submitted); });
 }
 
 /// Draws what was picked, and forgets it.

@@ -53,6 +53,13 @@ class Paging {
   }
   /// Bytes of GPU memory that tiles of each map may take (method/maps.h).
   const std::vector<int64_t>& map_bytes() const { return map_bytes_; }
+  /// Where a tile is in the buffer, bytes; -1: not there.
+  int64_t offset(uint32_t unit) const { return residency_.offset(unit); }
+  /// Makes a tile resident (Residency::admit).
+  std::optional<Residency::Upload> admit(uint32_t unit, bool wait, double worth) {
+    std::vector<uint32_t> dropped;  // nothing is kept of a tile but its place
+    return residency_.admit(unit, wait, dropped, worth);
+  }
   /// In this frame's list of what the loader is asked for, if it is not there; then used.
   void need(uint32_t unit, double priority) {
     if (residency_.resident(unit)) {

@@ -8,10 +8,10 @@
 #include <optional>
 
 #include "base/errors.h"
-#include "gl/buffer.h"
 #include "gl/context.h"
 #include "gl/error.h"
 #include "gl/vertex_array.h"
+#include "method/indirect.h"
 #include "method/map_memory.h"
 #include "methods/seamless/paging.h"
 #include "methods/seamless/ranges.h"
@@ -27,18 +27,6 @@ struct Instance {
   int32_t first;        ///< height of its slot
   uint32_t node, bits;  ///< lattice point where it begins: u << 24 | v << 16; level << 8 | log2 of its stride
 };
-
-struct Command {  // DrawElementsIndirectCommand
-  uint32_t count, instances, first_index;
-  int32_t base_vertex;
-  uint32_t base_instance;
-};
-
-/// Makes room: never smaller, at least doubled.
-void reserve(gl::Buffer& buffer, size_t bytes) {
-  const auto needed = static_cast<int64_t>(bytes);
-  if (needed > buffer.bytes()) buffer = gl::Buffer(std::max(needed, 2 * buffer.bytes()));
-}
 
 std::vector<std::string> defines_of(const Hierarchy& hierarchy, bool parts) {
   std::vector<std::string> out;
@@ -75,7 +63,7 @@ struct SeamlessSession::Gpu {
 
   bool add(const Layout& layout, const CutNode& picked, const MapPatch& square, render::Pass& pass);
   void upload(render::Submitted& submitted);
-  bool bring(int64_t patch, std::optional<double> worth, render::Submitted& submitted);
+  bool bring(uint32_t patch, std::optional<double> worth, render::Submitted& submitted);
   void submit(const Layout& layout, render::Pass& pass);
   void draw(const Layout& layout, const Batch& batch, render::Pass& pass);
 
@@ -88,7 +76,7 @@ struct SeamlessSession::Gpu {
   size_t index_bytes = 0;  ///< of the ranges, those that the buffer has
   gl::VertexArray arrays;
   std::vector<Instance> instance_data;
-  std::vector<Command> command_data;
+  std::vector<gl::DrawCommand> command_data;
   std::vector<Batch> batches;
   std::optional<MapMemory> maps;
 };
@@ -127,13 +115,8 @@ bool SeamlessSession::Gpu::add(const Layout& layout, const CutNode& picked, cons
 
 /// Brings what changed to the GPU. Index ranges that a frame adds stay.
 void SeamlessSession::Gpu::upload(render::Submitted& submitted) {
-  const auto send = [&](gl::Buffer& buffer, std::span<const std::byte> bytes) {
-    reserve(buffer, bytes.size());
-    buffer.upload(0, bytes);
-    submitted.upload_bytes += static_cast<int64_t>(bytes.size());
-  };
-  send(instances, as_bytes(instance_data));
-  send(commands, as_bytes(command_data));
+  send(instances, as_bytes(instance_data), submitted);
+  send(commands, as_bytes(command_data), submitted);
   maps->upload(arrays, submitted);
   const auto all = as_bytes(ranges.indices());
   if (static_cast<int64_t>(all.size()) > indices.bytes()) {
@@ -157,26 +140,15 @@ void SeamlessSession::Gpu::draw(const Layout& layout, const Batch& batch, render
               static_cast<GLint>(layout.last_row()));
   glUniform1i(glGetUniformLocation(name, "u_segments"), layout.segments());
   arrays.bind();
-  glBindBuffer(GL_DRAW_INDIRECT_BUFFER, commands.id());
-  glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
-                              reinterpret_cast<const void*>(batch.first * sizeof(Command)),
-                              static_cast<GLsizei>(batch.count), 0);
-  gl::check("glMultiDrawElementsIndirect");
+  gl::draw_indirect(commands, batch.first, batch.count, GL_UNSIGNED_INT);
   ++pass.submitted.draw_calls;
 }
 
-/// Brings a patch to the GPU, when streaming its parents before it, and uses them. With a worth it comes from
-/// main memory only, and may drive out what is worth less. False: it is not there, or this frame uses all the
-/// memory that there is.
-bool SeamlessSession::Gpu::bring(int64_t patch, std::optional<double> worth, render::Submitted& submitted) {
-  paging.touch(patch, worth.value_or(0.0));
-  if (paging.offset(patch) >= 0) return true;
-  if (paging.streams() && patch > 0 && !bring(paging.parent(patch), worth, submitted)) return false;
-  const auto upload = paging.admit(patch, !worth, worth.value_or(0.0));
-  if (!upload) return false;
-  heights.upload(upload->offset, *upload->page);
-  submitted.upload_bytes += static_cast<int64_t>(upload->page->size());
-  return true;
+bool SeamlessSession::Gpu::bring(uint32_t patch, std::optional<double> worth, render::Submitted& submitted) {
+  return lodlab::bring(paging, patch, worth, [&](const Residency::Upload& upload) {
+    heights.upload(upload.offset, *upload.page);
+    submitted.upload_bytes += static_cast<int64_t>(upload.page->size());
+  });
 }
 
 /// Draws what was added, and forgets it.

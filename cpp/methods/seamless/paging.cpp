@@ -142,9 +142,9 @@ Paging::Paging(const std::shared_ptr<const Hierarchy>& hierarchy, Plan plan, int
       residency_(hierarchy->store, std::move(plan.setup)),
       map_bytes_(std::move(plan.map_bytes)) {}
 
-int64_t Paging::parent(int64_t patch) const {
+uint32_t Paging::parent(int64_t patch) const {
   const Layout& layout = hierarchy_->layout;
-  return layout.id(layout.parent(layout.at(patch)));
+  return static_cast<uint32_t>(layout.id(layout.parent(layout.at(patch))));
 }
 
 void Paging::touch(int64_t patch, double worth) {

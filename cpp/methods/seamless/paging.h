@@ -59,7 +59,8 @@ class Paging {
   int64_t offset(int64_t patch) const { return residency_.offset(static_cast<uint32_t>(patch)); }
   /// What is asked for, most important first.
   const std::vector<Residency::Want>& wanted() const { return residency_.wanted(); }
-  int64_t parent(int64_t patch) const;
+  static constexpr uint32_t roots() { return 1; }
+  uint32_t parent(int64_t patch) const;
   /// Makes a patch resident (Residency::admit).
   std::optional<Residency::Upload> admit(int64_t patch, bool wait, double worth);
 
