@@ -216,8 +216,17 @@ def test_repairs_are_named_and_listed_in_the_order_in_which_they_are_done():
     said = mesh.repaired(["unused", "duplicates", "degenerate"]).used["repaired"]
     assert said == ("left out 1 degenerate triangles, left out 1 duplicate triangles, left out 3 unused vertices")
     assert len(mesh.repaired("all").used["repaired"].split(", ")) == len(REPAIRS)
+    assert mesh.repaired("weld").repaired("split").used["repaired"] == "welded 1 vertices, split off 6 vertices"
     with pytest.raises(InvalidInput, match="repair is 'wield'.*close to it: weld"):
         mesh.repaired("wield")
+
+
+def test_a_repaired_mesh_never_names_what_it_was_made_of(tmp_path):
+    file = tmp_path / "a.off"
+    file.write_text("OFF 4 1 0\n0 0 0\n1 0 0\n0 1 0\n9 9 9\n3 0 1 2\n")
+    mended = Mesh.open(file).repaired("unused")
+    assert mended.spec == f"{file}:repair=unused" and datasets.load(mended.spec).hash() == mended.hash()
+    assert mended.repaired("weld").spec == "" and datasets.load("torus").repaired("weld").spec == ""
 
 
 def test_info_says_what_was_counted_and_repaired(tmp_path, capsys):

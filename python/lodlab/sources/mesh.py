@@ -16,7 +16,7 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput, check_one_of
 from .base import Source
-from .mesh_files import read_mesh
+from .mesh_files import format_of, read_mesh
 from .polygons import MeshData
 from .raster import title
 from .spec import format_spec
@@ -128,7 +128,7 @@ class Mesh(Source):
         wanted = repairs_of(repair)
         data = read_mesh(text)
         try:
-            mesh = cls.made(data, title(text), format_spec(os.path.abspath(text), {"repair": ",".join(wanted) or None}))
+            mesh = cls.made(data, title(text), os.path.abspath(text))
             return mesh.repaired(wanted) if wanted else mesh
         except InvalidInput as error:
             raise InvalidInput(f"open {text}: {str(error).removeprefix('mesh: ')}") from None
@@ -148,8 +148,10 @@ class Mesh(Source):
         wanted = repairs_of(repair)
         origin, faces, counts = self._core.repaired(**dict.fromkeys(wanted, True))
         arrays = (None if a is None else a[origin] for a in (self.colors, self.normals))
-        used = self.used | {"repaired": ", ".join(_said(name, counts) for name in wanted)}
-        return Mesh.made(MeshData(self.positions[origin], faces, *arrays, used), self.name, self.spec)
+        before = [self.used["repaired"]] if "repaired" in self.used else []
+        used = self.used | {"repaired": ", ".join(before + [_said(name, counts) for name in wanted])}
+        spec = format_spec(self.spec, {"repair": ",".join(wanted)}) if format_of(self.spec) else ""
+        return Mesh.made(MeshData(self.positions[origin], faces, *arrays, used), self.name, spec)
 
     def _hold(self, data: MeshData, name: str, spec: str) -> None:
         self._core = _core.Mesh(data.positions, data.faces, data.colors, data.normals, spec=spec)
