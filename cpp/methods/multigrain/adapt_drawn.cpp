@@ -29,9 +29,10 @@ void Adapter::beside_coarser(uint32_t id, Visit&& visit) const {
   const Layout& layout = forest_.layout;
   const Node& n = node(id);
   const int q = layout.block_log2(), side = 1 << (layout.levels - 1 - n.level);
-  const int64_t wide = layout.blocks_x(), high = layout.blocks_y();
-  const int64_t x0 = n.col >> q, y0 = n.row >> q;
-  const int64_t x1 = std::min(x0 + side, wide), y1 = std::min(y0 + side, high);
+  const BlockField field = layout.blocks();
+  const int64_t wide = field.blocks_x;
+  const int x0 = n.col >> q, y0 = n.row >> q;
+  const int x1 = std::min(x0 + side, field.blocks_x), y1 = std::min(y0 + side, field.blocks_y);
   const int own = stride(id);
   const auto along = [&](Edge edge, int64_t block, int64_t other, int64_t count, int64_t pitch) {
     uint32_t fine = kNone;  // strides only fall: what is no coarser stays so
@@ -46,12 +47,14 @@ void Adapter::beside_coarser(uint32_t id, Visit&& visit) const {
       }
     }
   };
-  const int64_t west = x0 > 0 ? x0 - 1 : layout.wraps ? wide - 1 : -1;
-  const int64_t east = x1 < wide ? x1 : layout.wraps ? 0 : -1;
-  if (y0 > 0) along(kNorth, y0 * wide + x0, (y0 - 1) * wide + x0, x1 - x0, 1);
-  if (y1 < high) along(kSouth, (y1 - 1) * wide + x0, y1 * wide + x0, x1 - x0, 1);
-  if (east >= 0) along(kEast, y0 * wide + x1 - 1, y0 * wide + east, y1 - y0, wide);
-  if (west >= 0) along(kWest, y0 * wide + x0, y0 * wide + west, y1 - y0, wide);
+  const auto from = [&](Edge edge, int x, int y, int count, int64_t pitch) {
+    const BlockAt beside = field.across({x, y}, edge);
+    if (beside.x >= 0) along(edge, y * wide + x, beside.y * wide + beside.x, count, pitch);
+  };
+  from(kNorth, x0, y0, x1 - x0, 1);
+  from(kSouth, x0, y1 - 1, x1 - x0, 1);
+  from(kEast, x1 - 1, y0, y1 - y0, wide);
+  from(kWest, x0, y0, y1 - y0, wide);
 }
 
 double Adapter::drawn_error(uint32_t id) const {

@@ -37,15 +37,12 @@ std::vector<uint8_t> finest_strides(const Layout& layout, const BlockErrors& err
   for (bool changed = true; changed;) {
     changed = false;
     for (int64_t i = 0; i < blocks; ++i) {
-      const int64_t y = i / pitch, x = i % pitch;
+      const BlockAt at{static_cast<int>(i % pitch), static_cast<int>(i / pitch)};
       const int a = finest[static_cast<size_t>(i)];
       for (const Edge edge : {kNorth, kEast, kSouth, kWest}) {
-        if (!layout.meets(y, x, edge)) continue;
-        const int64_t across = edge == kNorth   ? i - pitch
-                               : edge == kSouth ? i + pitch
-                               : edge == kEast  ? y * pitch + (x + 1) % pitch
-                                                : y * pitch + (x + pitch - 1) % pitch;
-        uint8_t& b = finest[static_cast<size_t>(across)];
+        const BlockAt across = layout.across(at, edge);
+        if (across.x < 0) continue;
+        uint8_t& b = finest[static_cast<size_t>(across.y * pitch + across.x)];
         while (b > a && errors.strip_error(i, edge, a, b) > finest_error) {
           --b;
           changed = true;

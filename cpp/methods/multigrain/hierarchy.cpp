@@ -32,19 +32,17 @@ template <class Visit>
 void for_edges(const Layout& layout, const Node& n, const Visit& visit) {
   const BlockRange r(layout, n);
   const int64_t pitch = layout.blocks_x();
-  if (r.y0 > 0) {
-    for (int64_t x = r.x0; x < r.x1; ++x) visit(r.y0 * pitch + x, kNorth, (r.y0 - 1) * pitch + x);
+  const auto look = [&](Edge edge, int64_t y, int64_t x) {
+    const BlockAt beside = layout.across({static_cast<int>(x), static_cast<int>(y)}, edge);
+    if (beside.x >= 0) visit(y * pitch + x, edge, beside.y * pitch + beside.x);
+  };
+  for (int64_t x = r.x0; x < r.x1; ++x) {
+    look(kNorth, r.y0, x);
+    look(kSouth, r.y1 - 1, x);
   }
-  if (r.y1 < layout.blocks_y()) {
-    for (int64_t x = r.x0; x < r.x1; ++x) visit((r.y1 - 1) * pitch + x, kSouth, r.y1 * pitch + x);
-  }
-  if (r.x0 > 0 || layout.wraps) {
-    const int64_t across = r.x0 > 0 ? r.x0 - 1 : pitch - 1;
-    for (int64_t y = r.y0; y < r.y1; ++y) visit(y * pitch + r.x0, kWest, y * pitch + across);
-  }
-  if (r.x1 < pitch || layout.wraps) {
-    const int64_t across = r.x1 < pitch ? r.x1 : 0;
-    for (int64_t y = r.y0; y < r.y1; ++y) visit(y * pitch + r.x1 - 1, kEast, y * pitch + across);
+  for (int64_t y = r.y0; y < r.y1; ++y) {
+    look(kWest, y, r.x0);
+    look(kEast, y, r.x1 - 1);
   }
 }
 
