@@ -5,6 +5,7 @@
 
 #include <pybind11/stl.h>
 
+#include <map>
 #include <mutex>
 #include <set>
 #include <variant>
@@ -13,6 +14,7 @@
 #include "bindings/session.h"
 #include "gl/context.h"
 #include "instrument/field_ruler.h"
+#include "instrument/mesh_ruler.h"
 #include "instrument/picture_difference.h"
 #include "instrument/slack.h"
 #include "instrument/ssim.h"
@@ -62,11 +64,40 @@ std::function<double()> optimum_of(const Part& part) {
   return [part] { return part.first->selecting().optimum_px(part.second->cut.request); };
 }
 
+std::shared_ptr<const instrument::Ruler> ruler_of(const std::shared_ptr<const Source>& source) {
+  if (const auto mesh = std::dynamic_pointer_cast<const Mesh>(source))
+    return std::make_shared<instrument::MeshRuler>(mesh);
+  heights_of(*source, "Instrument: this");
+  return std::make_shared<instrument::FieldRuler>(std::dynamic_pointer_cast<const FieldSource>(source));
+}
+
+std::shared_ptr<const render::Surface> surface_of(const Source& source) {
+  if (const auto* mesh = dynamic_cast<const Mesh*>(&source)) return render::make_surface(mesh->box);
+  const FieldSource& field = heights_of(source, "Instrument: this");
+  return render::make_surface(field, field.coverage());
+}
+
+/// How far each node of a cut, or of cuts drawn together, may be from the source: its error as drawn.
+instrument::NodeBound bound_of(const Parts& parts) {
+  auto bounds = std::make_shared<std::map<uint32_t, double>>();
+  for (const auto& [session, cut] : parts) {
+    if (!cut->cut.claim) continue;
+    for (const CutNode& node : cut->cut.claim->nodes) {
+      double& seen = (*bounds)[node.node];
+      seen = std::max(seen, node.error);
+    }
+  }
+  return [bounds](uint32_t node) {
+    const auto found = bounds->find(node);
+    return found == bounds->end() ? 0.0 : found->second;
+  };
+}
+
 class PyInstrument {
  public:
-  PyInstrument(std::shared_ptr<FieldSource> source, std::shared_ptr<PySession> reference)
+  PyInstrument(std::shared_ptr<Source> source, std::shared_ptr<PySession> reference)
       : source_(given("Instrument: source", std::move(source))),
-        ruler_(std::make_shared<instrument::FieldRuler>(source_)),
+        ruler_(ruler_of(source_)),
         hash_(source_->hash()),
         full_(std::move(reference)) {
     if (full_ != nullptr) check_source(*full_, "Instrument");
@@ -110,6 +141,7 @@ class PyInstrument {
       subject.optimum_px = optimum_of(parts[0]);
     }
     subject.reference = std::move(reference);
+    subject.bound = bound_of(parts);
     subject.pictures = pictures;
     return std::make_shared<PyMeasurement>(std::move(parts), std::move(before), ruler_, resources(),
                                            std::move(subject));
@@ -118,11 +150,11 @@ class PyInstrument {
  private:
   std::shared_ptr<const render::Surface> resources() {
     gl::ensure_context();
-    if (resources_ == nullptr) resources_ = render::make_surface(*source_, source_->coverage());
+    if (resources_ == nullptr) resources_ = surface_of(*source_);
     return resources_;
   }
 
-  std::shared_ptr<const FieldSource> source_;
+  std::shared_ptr<const Source> source_;
   std::shared_ptr<const instrument::Ruler> ruler_;
   std::string hash_;
   std::shared_ptr<PySession> full_;
@@ -328,7 +360,7 @@ void bind_instrument(py::module_& m) {
       m, "Instrument",
       "Measures drawn cuts of one source against it. `reference`: a session of `full` on the same source; "
       "None when no picture is to be compared. InvalidInput when a store was built from another source.")
-      .def(py::init<std::shared_ptr<FieldSource>, std::shared_ptr<PySession>>(), py::arg("source"),
+      .def(py::init<std::shared_ptr<Source>, std::shared_ptr<PySession>>(), py::arg("source"),
            py::arg("reference") = py::none())
       .def(
           "reference",

@@ -297,7 +297,6 @@ py::list levels(const std::vector<NodeInfo>& rows) {
 
 py::dict info(const PyStore& self) {
   const Store& store = *self.store;
-  const FieldFrame frame = frame_from_json(store.meta().frame);
   const auto bytes = static_cast<double>(store.bytes());
   const auto vertices = static_cast<double>(self.hierarchy->vertices());
   py::dict out;
@@ -311,7 +310,10 @@ py::dict info(const PyStore& self) {
   out["build_seconds"] = store.build_seconds();
   out["quantum"] = self.hierarchy->quantum();
   out["bytes"] = store.bytes();
-  out["bytes_per_sample"] = bytes / (static_cast<double>(frame.rows) * static_cast<double>(frame.cols));
+  if (kind_of_frame(store.meta().frame) != "mesh") {
+    const FieldFrame frame = frame_from_json(store.meta().frame);
+    out["bytes_per_sample"] = bytes / (static_cast<double>(frame.rows) * static_cast<double>(frame.cols));
+  }
   out["bytes_per_vertex"] = vertices > 0 ? bytes / vertices : std::numeric_limits<double>::quiet_NaN();
   out["levels"] = levels(self.hierarchy->nodes());
   return out;

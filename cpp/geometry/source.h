@@ -22,4 +22,8 @@ struct Source {
   std::string spec;  ///< how to load it again (SOURCE of the command line), or empty
 };
 
+/// The kind in the JSON text of Source::frame(); a frame of before there were meshes says none, and is a
+/// field's.
+std::string kind_of_frame(const std::string& frame);
+
 }  // namespace lodlab

@@ -144,7 +144,8 @@ FullSession::Gpu::Gpu(const FullHierarchy& hierarchy) {
   normals = make_map("a map of normals", hierarchy.normals(), frame.wraps, bytes);
 }
 
-FullSession::FullSession(std::shared_ptr<const FullHierarchy> hierarchy) : hierarchy_(std::move(hierarchy)) {}
+FullSession::FullSession(std::shared_ptr<const FullHierarchy> hierarchy)
+    : OneNodeSession(hierarchy->triangles()), hierarchy_(std::move(hierarchy)) {}
 
 FullSession::~FullSession() = default;
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
-// full: the baseline. One node, the whole field, one vertex buffer, one index buffer, one draw call.
+// full: the baseline. One node, the whole source, one vertex buffer, one index buffer, one draw call.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 
+#include "geometry/height_field.h"
+#include "geometry/mesh.h"
 #include "method/method.h"
 
 namespace lodlab::full {
@@ -55,23 +57,37 @@ class FullHierarchy : public Hierarchy, public std::enable_shared_from_this<Full
   NodeInfo root_;
 };
 
-class FullSession : public Session {
+/// A session of one node that draws everything.
+class OneNodeSession : public Session {
  public:
-  explicit FullSession(std::shared_ptr<const FullHierarchy> hierarchy);
-  ~FullSession() override;
+  explicit OneNodeSession(int64_t triangles) : triangles_(triangles) {}
 
   Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override { return {everything()}; }
-  void draw(const Cut& cut, render::Pass& pass) override;
-  int64_t resident_bytes() const override;
 
  private:
   Cut everything() const;  ///< the one cut there is, of no view
 
+  int64_t triangles_;
+};
+
+class FullSession : public OneNodeSession {
+ public:
+  explicit FullSession(std::shared_ptr<const FullHierarchy> hierarchy);
+  ~FullSession() override;
+
+  void draw(const Cut& cut, render::Pass& pass) override;
+  int64_t resident_bytes() const override;
+
+ private:
   std::shared_ptr<const FullHierarchy> hierarchy_;
   struct Gpu;  // GL objects, made by the first draw
   std::unique_ptr<Gpu> gpu_;
 };
+
+/// Of a mesh (mesh.cpp).
+void build_mesh(const Mesh& mesh, StoreWriter& writer, const Progress& progress);
+std::shared_ptr<const Hierarchy> open_mesh(std::shared_ptr<const Store> store);
 
 }  // namespace lodlab::full

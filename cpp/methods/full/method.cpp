@@ -28,12 +28,20 @@ std::vector<OptionSpec> option_table() {
   };
 }
 
+/// Rasters lie over fields; a mesh has its vertices' own colours and its triangles' own normals.
+void refuse_maps(const Options& options) {
+  if (!options.text("attribute").empty())
+    throw Unsupported("build: option attribute lays a raster over a height field; a mesh has none");
+  if (has_normals(options))
+    throw Unsupported("build: option normals = attribute needs a height field; a mesh has none");
+}
+
 class Full : public Method {
  public:
   const MethodInfo& info() const override {
     static const MethodInfo kInfo{"full",
                                   "The source at full resolution in one static buffer, drawn with one call.",
-                                  {"heightfield", "planet"},
+                                  {"heightfield", "planet", "mesh"},
                                   {},
                                   true,
                                   option_table()};
@@ -41,9 +49,15 @@ class Full : public Method {
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
              const Progress& progress) const override {
-    full::build(field_in_memory(source, "build: method full"), options, writer, progress);
+    if (const auto* mesh = dynamic_cast<const Mesh*>(&source)) {
+      refuse_maps(options);
+      full::build_mesh(*mesh, writer, progress);
+    } else {
+      full::build(field_in_memory(source, "build: method full"), options, writer, progress);
+    }
   }
   std::shared_ptr<const Hierarchy> open(std::shared_ptr<const Store> store) const override {
+    if (kind_of_frame(store->meta().frame) == "mesh") return full::open_mesh(std::move(store));
     return std::make_shared<FullHierarchy>(std::move(store));
   }
 };

@@ -5,24 +5,24 @@
 
 namespace lodlab::full {
 
-Cut FullSession::everything() const {
+Cut OneNodeSession::everything() const {
   Cut cut;
   Claim& claim = cut.claim.emplace();
   claim.nodes = {CutNode{}};
   claim.tau = 0.0;
-  claim.triangles = hierarchy_->triangles();
+  claim.triangles = triangles_;
   claim.visible_nodes = 1;
   return cut;
 }
 
-Cut FullSession::select(const Request& request) {
+Cut OneNodeSession::select(const Request& request) {
   make_camera(request.view);  // refuses views that are none
   Cut cut = everything();
   cut.request = request;
   return cut;
 }
 
-Cut FullSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const {
+Cut OneNodeSession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const {
   if (nodes.empty()) throw InvalidInput("cut: node 0 is missing; the cut does not cover the source");
   for (const int64_t node : nodes) {
     if (node != 0)
