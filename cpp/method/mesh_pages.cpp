@@ -10,6 +10,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "geometry/two_floats.h"
 
 namespace lodlab {
 namespace {
@@ -25,13 +26,6 @@ void for_pages(int64_t count, const std::function<void(int64_t page, int64_t fir
     for (int64_t page = begin; page < end; ++page)
       visit(page, page * kPage, std::min(kPage, count - page * kPage));
   });
-}
-
-/// One coordinate as the sum of two floats. Not vectorized with its neighbours: some compilers lose the
-/// rounding.
-[[gnu::noinline]] void split(double value, float& high, float& low) {
-  high = static_cast<float>(value);
-  low = static_cast<float>(value - static_cast<double>(high));
 }
 
 template <class T>

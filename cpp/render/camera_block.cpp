@@ -9,6 +9,7 @@
 #include "base/errors.h"
 #include "geometry/angles.h"
 #include "geometry/coverage.h"
+#include "geometry/two_floats.h"
 
 namespace lodlab::render {
 namespace {
@@ -55,8 +56,7 @@ CameraBlock begin_block(const Camera& camera, double reach) {
   const glm::dmat4 clip = camera.clip_from_relative();
   for (int i = 0; i < 16; ++i) block.clip_from_relative[i] = static_cast<float>(clip[i / 4][i % 4]);
   for (int i = 0; i < 3; ++i) {
-    block.eye_world[i] = static_cast<float>(camera.eye[i]);
-    block.eye_low[i] = static_cast<float>(camera.eye[i] - static_cast<double>(block.eye_world[i]));
+    split(camera.eye[i], block.eye_world[i], block.eye_low[i]);
     block.planet[i] = camera.eye[i];
   }
   return block;
@@ -79,8 +79,7 @@ CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
   }
   block.spacing[0] = static_cast<float>(frame.dx);
   block.spacing[1] = static_cast<float>(frame.dy);
-  block.eye_z[0] = static_cast<float>(camera.eye.z);
-  block.eye_z[1] = static_cast<float>(camera.eye.z - static_cast<double>(block.eye_z[0]));
+  split(camera.eye.z, block.eye_z[0], block.eye_z[1]);
   block.eye_world[3] = static_cast<float>(frame.radius);
   block.planet[3] = frame.radius;
   block.tint[0] = static_cast<float>(frame.z_min);
