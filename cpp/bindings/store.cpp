@@ -22,6 +22,8 @@
 
 #include "base/errors.h"
 #include "bindings/common.h"
+#include "geometry/height_field.h"
+#include "geometry/mesh.h"
 #include "method/method.h"
 
 namespace py = pybind11;
@@ -295,6 +297,13 @@ py::list levels(const std::vector<NodeInfo>& rows) {
   return out;
 }
 
+/// Of the source: of a mesh its vertices.
+int64_t samples_of_frame(const std::string& frame) {
+  if (kind_of_frame(frame) == "mesh") return mesh_frame_from_json(frame).vertices;
+  const FieldFrame field = frame_from_json(frame);
+  return field.rows * field.cols;
+}
+
 py::dict info(const PyStore& self) {
   const Store& store = *self.store;
   const auto bytes = static_cast<double>(store.bytes());
@@ -310,10 +319,7 @@ py::dict info(const PyStore& self) {
   out["build_seconds"] = store.build_seconds();
   out["quantum"] = self.hierarchy->quantum();
   out["bytes"] = store.bytes();
-  if (kind_of_frame(store.meta().frame) != "mesh") {
-    const FieldFrame frame = frame_from_json(store.meta().frame);
-    out["bytes_per_sample"] = bytes / (static_cast<double>(frame.rows) * static_cast<double>(frame.cols));
-  }
+  out["bytes_per_sample"] = bytes / static_cast<double>(samples_of_frame(store.meta().frame));
   out["bytes_per_vertex"] = vertices > 0 ? bytes / vertices : std::numeric_limits<double>::quiet_NaN();
   out["levels"] = levels(self.hierarchy->nodes());
   return out;
