@@ -47,7 +47,7 @@ py::dict measure(const py::array& vertices, const py::array& faces, const py::ar
   {
     const py::gil_scoped_release release;
     out = instrument::mesh_accuracy(span_of<glm::dvec3>(positions), span_of<std::array<uint32_t, 3>>(indices),
-                                    span_of<instrument::Triangle>(triangles),
+                                    span_of<Triangle>(triangles),
                                     {camera ? &*camera : nullptr, reference ? &*reference : nullptr});
   }
   return columns(out);

@@ -8,7 +8,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
-#include "instrument/mesh_surface.h"
+#include "geometry/mesh_surface.h"
 #include "instrument/picture_difference.h"
 
 namespace lodlab::instrument {

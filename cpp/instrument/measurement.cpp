@@ -35,8 +35,8 @@ const T& kept(std::optional<T>& slot, const Make& make) {
 
 }  // namespace
 
-Measurement::Measurement(std::shared_ptr<const Ruler> ruler,
-                         std::shared_ptr<const render::Surface> resources, Subject subject)
+Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<const render::Surface> resources,
+                         Subject subject)
     : ruler_(std::move(ruler)), resources_(std::move(resources)), subject_(std::move(subject)) {
   const Camera& camera = subject_.camera;
   ruler_->check_near(camera.eye);

@@ -10,7 +10,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/bounds.h"
-#include "instrument/mesh_distance.h"
+#include "geometry/mesh_distance.h"
 #include "instrument/pixel_error.h"
 #include "instrument/screen.h"
 

@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <span>
 
+#include "geometry/mesh_surface.h"
 #include "geometry/view.h"
-#include "instrument/mesh_surface.h"
 #include "instrument/sample_error.h"
 #include "render/frame.h"
 

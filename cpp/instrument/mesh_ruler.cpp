@@ -8,9 +8,9 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "geometry/mesh_distance.h"
 #include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
-#include "instrument/mesh_distance.h"
 #include "instrument/mesh_error.h"
 #include "instrument/screen.h"
 #include "instrument/slack.h"

@@ -6,7 +6,7 @@
 #include <mutex>
 
 #include "geometry/mesh.h"
-#include "instrument/mesh_surface.h"
+#include "geometry/mesh_surface.h"
 #include "instrument/ruler.h"
 
 namespace lodlab::instrument {

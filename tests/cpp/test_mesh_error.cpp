@@ -11,7 +11,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/angles.h"
-#include "instrument/mesh_distance.h"
+#include "geometry/mesh_distance.h"
 #include "instrument/mesh_error.h"
 
 using namespace lodlab;

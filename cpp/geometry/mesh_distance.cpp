@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Work is cut into blocks whose size depends on its amount alone, and reduced block by block, in order: the
 // same figures for any number of threads.
-#include "instrument/mesh_distance.h"
+#include "geometry/mesh_distance.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 
-namespace lodlab::instrument {
+namespace lodlab {
 namespace {
 
 /// Rounds of cuts take turns: along an edge, where two are equally far, along an edge, halving the longest
@@ -316,7 +316,7 @@ double refine(const Measurer& measurer, std::vector<Piece> open, double lower, i
       char text[200];
       std::snprintf(
           text, sizeof text,
-          "mesh_accuracy: the largest distance lies within %.9g to %.9g after %lld pieces of surface; "
+          "mesh distance: the largest distance lies within %.9g to %.9g after %lld pieces of surface; "
           "no more than that are tried",
           lower, upper, static_cast<long long>(most_pieces));
       throw Unsupported(text);
@@ -380,4 +380,4 @@ SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Close
   return out;
 }
 
-}  // namespace lodlab::instrument
+}  // namespace lodlab

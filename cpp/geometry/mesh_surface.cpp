@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "instrument/mesh_surface.h"
+#include "geometry/mesh_surface.h"
 
 #include <meshoptimizer.h>
 
@@ -10,7 +10,7 @@
 #include "base/errors.h"
 #include "geometry/bounds.h"
 
-namespace lodlab::instrument {
+namespace lodlab {
 namespace {
 
 /// Coordinates of size 1 round by 2^-25 to floats, and so do the few operations that measure a box; this
@@ -110,7 +110,7 @@ WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
   if (triangles.empty()) return out;
   const size_t corners = 3 * triangles.size();
   if (corners >= kNoTriangle) {
-    throw Unsupported("mesh_accuracy: " + std::to_string(triangles.size()) +
+    throw Unsupported("mesh distance: " + std::to_string(triangles.size()) +
                       " triangles; at most 1431655764 can be measured");
   }
   std::vector<uint32_t> vertex(corners);
@@ -151,7 +151,7 @@ struct MeshSurface::Scene {
     }
     if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE) {
       release();
-      throw Unsupported("mesh_accuracy: Embree cannot take " + std::to_string(of.mesh.faces.size()) +
+      throw Unsupported("mesh distance: Embree cannot take " + std::to_string(of.mesh.faces.size()) +
                         " triangles: its error " + std::to_string(static_cast<int>(error)));
     }
   }
@@ -192,4 +192,4 @@ Closest MeshSurface::closest(const glm::dvec3& point, uint32_t hint) const {
   return {std::sqrt(search.squared), search.closest, search.triangle};
 }
 
-}  // namespace lodlab::instrument
+}  // namespace lodlab

@@ -12,9 +12,9 @@
 // until it has its share of the points that the finer of the two meshes asks for.
 #pragma once
 
-#include "instrument/mesh_surface.h"
+#include "geometry/mesh_surface.h"
 
-namespace lodlab::instrument {
+namespace lodlab {
 
 /// A maximum is an attained distance: no point of the surface is farther than that by more than this share of
 /// it (or, where it is next to nothing, by kLeastShare of the meshes' extent).
@@ -34,4 +34,4 @@ std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurfa
 SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces);
 
-}  // namespace lodlab::instrument
+}  // namespace lodlab

@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-namespace lodlab::instrument {
+namespace lodlab {
 
 using Triangle = std::array<glm::dvec3, 3>;
 
@@ -66,4 +66,4 @@ class MeshSurface {
   std::unique_ptr<Scene> scene_;
 };
 
-}  // namespace lodlab::instrument
+}  // namespace lodlab
