@@ -220,7 +220,7 @@ def test_frames_and_times_outside_the_path():
 
 
 def test_unknown_paths_and_sources():
-    with pytest.raises(InvalidInput, match="neither one of flyover, orbit, walk, zoom, still"):
+    with pytest.raises(InvalidInput, match="neither one of flyover, orbit, walk, zoom, still, flyby"):
         CameraPath.named("loop", HeightField(_spike()))
     with pytest.raises(InvalidInput, match="needs the source"):
         CameraPath.named("orbit", None)

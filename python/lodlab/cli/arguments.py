@@ -13,7 +13,7 @@ import typer
 
 from ..errors import InvalidInput
 from ..instrument.yardstick import MEASURES
-from ..paths.terrain import BUILT_IN
+from ..paths.path import NAMES
 from ..runs.flight import IMAGES
 from ..sources.datasets import DATASETS
 from ..stores.methods import methods
@@ -48,8 +48,8 @@ PathText = Annotated[
     typer.Option(
         "--path",
         metavar="NAME|FILE",
-        help="flyover, orbit, walk, zoom, still, or a key-frame file.",
-        autocompletion=completing(lambda: BUILT_IN),
+        help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still.",
+        autocompletion=completing(lambda: NAMES),
     ),
 ]
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]

@@ -13,11 +13,14 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..errors import InvalidInput, close_to
-from ..sources.base import FieldSource
+from ..errors import InvalidInput, Unsupported, close_to
+from ..sources.base import FieldSource, Source
+from ..sources.mesh import Mesh
+from .around import AROUND
 from .keyframes import poses_of_array, poses_of_keys, read_file
 from .terrain import BUILT_IN, Pose, PoseAt
 
+NAMES = tuple(dict.fromkeys([*BUILT_IN, *AROUND]))  # of built-in paths, over terrain and around meshes
 DEFAULT_FRAMES = 120
 DEFAULT_FOV = 60.0
 MAX_FRAMES = 1_000_000
@@ -37,8 +40,8 @@ def _whole(what: str, value: Any, low: int, high: int) -> int:
 class CameraPath:
     """A sequence of `len(path)` views; `path.view(f)` is the camera of frame f.
 
-    Make one with `flyover`, `orbit`, `walk`, `zoom`, `still` (from a height field), `from_keys`,
-    `from_array`, `load` (a file), or `named` (what the command line takes).
+    Make one with `flyover`, `orbit`, `walk`, `zoom`, `still` (of a height field), `orbit`, `zoom`, `flyby`, `still`
+    (of a mesh), `from_keys`, `from_array`, `load` (a file), or `named` (what the command line takes).
     """
 
     def __init__(self, name: str, pose_at: PoseAt, frames: int, fov: float | None = None) -> None:
@@ -93,36 +96,45 @@ class CameraPath:
         return CameraPath(self.name, self._pose_at, steps + 1, self.fov)
 
     @classmethod
-    def _built_in(cls, name: str, source: FieldSource, frames: int, fov: float | None) -> CameraPath:
+    def _built_in(cls, name: str, source: Source, frames: int, fov: float | None) -> CameraPath:
         from .ground import Ground
 
         frames = _whole("frames", frames, 1, MAX_FRAMES)
-        if not hasattr(source, "_core"):
-            raise InvalidInput(f"camera path {name}: {type(source).__name__} is no height field")
-        return cls(name, BUILT_IN[name](Ground(source)), frames, fov)
+        known = AROUND if isinstance(source, Mesh) else BUILT_IN
+        if not isinstance(source, (FieldSource, Mesh)):
+            raise InvalidInput(f"camera path {name}: {type(source).__name__} is no height field and no mesh")
+        if name not in known:
+            raise Unsupported(f"camera path {name}: a {source.kind} has none; it has {', '.join(known)}")
+        pose_at = AROUND[name](source) if isinstance(source, Mesh) else BUILT_IN[name](Ground(source))
+        return cls(name, pose_at, frames, fov)
 
     @classmethod
-    def flyover(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
-        """High and oblique, down to low over the highest relief; planets: from space to low orbit."""
+    def flyover(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """High and oblique, down to low over the highest relief; planets: from space to low orbit. No meshes."""
         return cls._built_in("flyover", source, frames, fov)
 
     @classmethod
-    def orbit(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def orbit(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """Once round the source, looking at it."""
         return cls._built_in("orbit", source, frames, fov)
 
     @classmethod
-    def walk(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
-        """At eye height, 1.7 m above the surface and following it."""
+    def walk(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """At eye height, 1.7 m above the surface and following it. No meshes."""
         return cls._built_in("walk", source, frames, fov)
 
     @classmethod
-    def zoom(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def zoom(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """From the whole source to one spot."""
         return cls._built_in("zoom", source, frames, fov)
 
     @classmethod
-    def still(cls, source: FieldSource, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+    def flyby(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
+        """Close past a mesh, looking at where it is passed. No height fields."""
+        return cls._built_in("flyby", source, frames, fov)
+
+    @classmethod
+    def still(cls, source: Source, frames: int = DEFAULT_FRAMES, fov: float | None = None) -> CameraPath:
         """One view, again and again."""
         return cls._built_in("still", source, frames, fov)
 
@@ -174,26 +186,26 @@ class CameraPath:
 
     @classmethod
     def named(
-        cls, name: str, source: FieldSource | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
+        cls, name: str, source: Source | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
     ) -> CameraPath:
-        """What `path` takes by name: flyover, orbit, walk, zoom, still, or a .toml or .json file."""
+        """What `path` takes by name: one of NAMES, or a .toml or .json file."""
         if not isinstance(name, (str, os.PathLike)):
             raise InvalidInput(
-                f"camera path: {name!r} is no CameraPath, no name ({', '.join(BUILT_IN)}) and no .toml or .json file"
+                f"camera path: {name!r} is no CameraPath, no name ({', '.join(NAMES)}) and no .toml or .json file"
             )
         text = os.fspath(name)
-        if text in BUILT_IN:
+        if text in NAMES:
             if source is None:
                 raise InvalidInput(f"camera path {text}: it needs the source to fly over")
             return cls._built_in(text, source, frames, fov)
         if text.lower().endswith((".toml", ".json")):
             return cls.load(text, frames, fov)
-        known, close = ", ".join(BUILT_IN), close_to(text, BUILT_IN)
+        known, close = ", ".join(NAMES), close_to(text, NAMES)
         meant = f" (close to it: {', '.join(close)})" if close else ""
         raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file{meant}")
 
 
-def make_path(path: Any, source: FieldSource | None, frames: int, fov: float | None) -> CameraPath:
+def make_path(path: Any, source: Source | None, frames: int, fov: float | None) -> CameraPath:
     """A CameraPath from itself, a built-in name, or a key-frame file (.toml, .json)."""
     return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)
 

@@ -19,8 +19,7 @@ import numpy as np
 from .. import _core
 from ..disk import write_atomic
 from ..errors import InvalidInput, StoreError
-from ..paths.path import CameraPath, poses_hash
-from ..paths.terrain import BUILT_IN
+from ..paths.path import NAMES, CameraPath, poses_hash
 from ..sources.base import Source
 from ..sources.datasets import as_source
 from ..sources.heightfield import HeightField
@@ -65,7 +64,7 @@ def take_path(
     """The name under which a path that lies in memory is flown again: a built-in one's where it is that, over every
     field; else that of the key frames that the directory now keeps."""
     views, fields = list(path.views(size, fov)), list(fields)
-    if path.name in BUILT_IN and fields:
+    if path.name in NAMES and fields:
         own = (CameraPath.named(path.name, f, frames=len(path), fov=fov).views(size, fov) for f in fields)
         if all(poses_hash(v) == poses_hash(views) for v in own):
             return path.name

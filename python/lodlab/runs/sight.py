@@ -21,7 +21,9 @@ LEAST_COVERED = 0.1  # of the measured pictures, below which their figures are o
 
 def _corners(frame: Mapping[str, Any]) -> np.ndarray:
     """(8, 4): the corners of a box that holds the source, homogeneous."""
-    if frame["planet"]:
+    if frame["kind"] == "mesh":
+        box = list(zip(frame["lo"], frame["hi"], strict=True))
+    elif frame["planet"]:
         reach = frame["radius"] + max(frame["z_max"], 0.0)
         box = [(-reach, reach)] * 3
     else:
@@ -50,7 +52,11 @@ def complaint(
     of their reference pictures, (H, W), inf where nothing is.
     """
     rows = list(measured)
-    lies = f"the source lies at {extent_of(frame)}, heights {frame['z_min']:g} to {frame['z_max']:g} m"
+    if frame["kind"] == "mesh":
+        spans = (f"{axis} {lo:.6g} to {hi:.6g}" for axis, lo, hi in zip("xyz", frame["lo"], frame["hi"], strict=True))
+        lies = f"the source lies at {', '.join(spans)}"
+    else:
+        lies = f"the source lies at {extent_of(frame)}, heights {frame['z_min']:g} to {frame['z_max']:g} m"
     blind = all(math.isnan(r["measured_px_max"]) for r in rows) if rows else all(misses(v, frame) for v in views)
     if blind:
         which = f"in any of {len(rows)} measured frames" if rows else "in any frame"

@@ -22,8 +22,7 @@ from ..disk import rasters, short_hash
 from ..errors import InvalidInput
 from ..instrument import statistics
 from ..instrument.yardstick import Yardstick, look_of
-from ..paths.path import CameraPath, make_path, poses_hash
-from ..paths.terrain import BUILT_IN
+from ..paths.path import NAMES, CameraPath, make_path, poses_hash
 from ..sources.base import Source
 from ..sources.datasets import DATASETS
 from ..sources.spec import parse
@@ -310,7 +309,7 @@ def enter_flight(
     field = store._source  # at hand, or not needed
     if track.name == Path(flight.path).stem and flight.path.lower().endswith((".toml", ".json")):
         path = keep_file(directory.path, Path(flight.path), directory.config is None)
-    elif flight.path in BUILT_IN and field is None:
+    elif flight.path in NAMES and field is None:
         path = flight.path  # by its name, or like it: there is nothing to compare it over
     else:
         path = take_path(directory, track, [] if field is None else [field], flight.size, flight.fov)
