@@ -37,6 +37,7 @@ GOOD = {
     "inverted_triangles": 0,
     "slanted_filler_triangles": 0,
     "raised_filler_triangles": 0,
+    "source_kind": "heightfield",
     "drawn_triangles": 100.0,
     "pop_px_max": 0.0,
 }
@@ -150,6 +151,39 @@ def test_what_is_nan_does_not_hold(law):
     assert none.verdict == "open" and "not decided" in none.sentence
     frames[column] = np.inf
     assert verdicts(frames)[law] == "broken"
+
+
+OF_FIELDS = {
+    "holes": "hole_samples",
+    "winding": "inverted_triangles",
+    "fillers": "slanted_filler_triangles",
+    "raised": "raised_filler_triangles",
+}
+
+
+def test_laws_of_fields_do_not_apply_to_meshes():
+    mesh = rows().assign(run="m", source_kind="mesh", **dict.fromkeys(OF_FIELDS.values(), np.nan))
+    found = verdicts(mesh)
+    assert not OF_FIELDS.keys() & found.keys() and set(found.values()) == {"holds"}
+    both = pd.concat([mesh, rows()], ignore_index=True)
+    for law in laws.judge(both):
+        if law.law in OF_FIELDS:
+            assert law.verdict == "holds" and "(5 frames)" in law.sentence
+
+
+@pytest.mark.parametrize(("law", "column"), OF_FIELDS.items())
+def test_meshes_beside_fields_hide_nothing_of_them(law, column):
+    mesh = rows().assign(run="m", source_kind="mesh", **dict.fromkeys(OF_FIELDS.values(), np.nan))
+    both = pd.concat([mesh, rows(**{column: 2})], ignore_index=True)
+    assert laws.broken_by_run(laws.judge(both)) == {"a": [law]}
+    both.loc[both["run"] == "a", column] = np.nan
+    assert verdicts(both)[law] == "open"
+
+
+def test_an_infinite_error_of_a_mesh_is_broken_without_holes_to_count():
+    frames = rows(measured_px_max=np.inf).assign(source_kind="mesh", hole_samples=np.nan)
+    (finite,) = [v for v in laws.judge(frames) if v.law == "finite"]
+    assert finite.verdict == "broken" and "an infinite error" in finite.sentence
 
 
 def test_cracks_that_were_not_decided_are_not_none():

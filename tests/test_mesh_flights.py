@@ -44,6 +44,9 @@ def test_a_run_of_a_mesh_measures_it_and_makes_a_report(tmp_path: Path) -> None:
     assert (measured["measured_px_max"] <= 0.01).all() and (measured["crack_edges"] == 0).all()
     assert (measured["measured_samples"] == mesh.samples).all() and (measured["pop_px_max"].dropna() == 0).all()
     assert measured[["hole_samples", "inverted_triangles"]].isna().all().all()
+    assert (run.frames["source_kind"] == "mesh").all()
+    found = {v.law: v.verdict for v in lod.laws.judge(run.frames)}
+    assert not {"holes", "winding", "fillers", "raised"} & found.keys() and set(found.values()) <= {"holds", "open"}
     assert "torus" in (tmp_path / "run" / "report.html").read_text()
     again = lod.open(store.path)
     assert again.source.hash() == mesh.hash()

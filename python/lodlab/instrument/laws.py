@@ -3,8 +3,9 @@
 
 A law is `holds`; `missed`: not reached in some frames, each of which says so; `broken` (the first frame that breaks
 it is named); or `open`: not put to the test, not decided (nan), or a figure that some options show on purpose
-(cracks). The only slack is the instrument's, from the core: float steps at the distance to the eye, and a hundredth
-of a pixel.
+(cracks). A law over columns that the source's kind has none of (`source_kind`) does not apply to those rows, and is
+left out where all are such. The only slack is the instrument's, from the core: float steps at the distance to the
+eye, and a hundredth of a pixel.
 """
 
 from __future__ import annotations
@@ -41,13 +42,15 @@ class Verdict:
 @dataclass(frozen=True)
 class Law:
     """One law. `of(frames)` returns (verdict, sentence, runs that break it), or None where no row concerns it.
-    `columns`: what it cannot do without. `measured`: it sees the rows that the instrument measured."""
+    `columns`: what it cannot do without. `measured`: it sees the rows that the instrument measured. `not_on`: kinds
+    of sources whose rows it does not see, as its columns mean nothing there."""
 
     name: str
     text: str
     columns: tuple[str, ...]
     of: Callable[[Any], Found | None]
     measured: bool = True
+    not_on: tuple[str, ...] = ()
 
 
 def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
@@ -59,14 +62,16 @@ def judge(frames: Any, width: int = 1280, fov: float = 60.0) -> list[Verdict]:
     pixels_per_unit = width / (2.0 * math.tan(math.radians(fov) / 2.0))
     usual = _core.SLACK_PIXELS + pixels_per_unit * _core.world_slack(1.0)
     frames = frames.assign(slack_px=frames["slack_px"].fillna(usual) if "slack_px" in frames else usual)
-    measured = frames[frames["accuracy"]]
     out = []
     for law in LAWS:
         missing = [c for c in law.columns if c not in frames]
         if missing:
             out.append(Verdict(law.name, OPEN, f"{law.text}: these rows have no column {', '.join(missing)}."))
             continue
-        found = law.of(measured if law.measured else frames)
+        rows = frames[frames["accuracy"]] if law.measured else frames
+        if law.not_on and "source_kind" in rows:
+            rows = rows[~rows["source_kind"].isin(law.not_on)]
+        found = law.of(rows)
         if found is not None:
             out.append(Verdict(law.name, *found))
     return out
@@ -132,7 +137,12 @@ def _finite(measured: Any) -> Found | None:
     if not len(rows):
         return None
     text = f"Every measured error is finite ({len(rows)} frames)"
-    return _verdict(text, rows[np.isinf(rows["measured_px_max"])], lambda r: f"{_count(r, 'hole_samples')} holes")
+
+    def what(row: Any) -> str:
+        holes = row["hole_samples"]
+        return "an infinite error" if math.isnan(holes) else f"{_count(row, 'hole_samples')} holes"
+
+    return _verdict(text, rows[np.isinf(rows["measured_px_max"])], what)
 
 
 def _budgets(frames: Any) -> Found:
@@ -290,19 +300,33 @@ LAWS: tuple[Law, ...] = (
         ("capture_mismatch_pixels",),
         _none_of("capture_mismatch_pixels", _CAPTURE, "pixels differ"),
     ),
-    Law("holes", _COVERED, ("hole_samples",), _none_of("hole_samples", _COVERED, "samples uncovered")),
-    Law("winding", _WOUND, ("inverted_triangles",), _none_of("inverted_triangles", _WOUND, "triangles inverted")),
+    Law(
+        "holes",
+        _COVERED,
+        ("hole_samples",),
+        _none_of("hole_samples", _COVERED, "samples uncovered"),
+        not_on=("mesh",),
+    ),
+    Law(
+        "winding",
+        _WOUND,
+        ("inverted_triangles",),
+        _none_of("inverted_triangles", _WOUND, "triangles inverted"),
+        not_on=("mesh",),
+    ),
     Law(
         "fillers",
         _UPRIGHT,
         ("slanted_filler_triangles",),
         _none_of("slanted_filler_triangles", _UPRIGHT, "fillers slant"),
+        not_on=("mesh",),
     ),
     Law(
         "raised",
         _BELOW,
         ("raised_filler_triangles",),
         _none_of("raised_filler_triangles", _BELOW, "fillers rise above it"),
+        not_on=("mesh",),
     ),
     Law("counts", "Reported triangles are those that the GPU counted", ("drawn_triangles",), _counts),
     Law("still", "Under a still camera the surface comes to rest", ("pop_px_max", "stream"), _still),

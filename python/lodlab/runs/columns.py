@@ -61,6 +61,7 @@ EXTRAS: tuple[Column, ...] = (
     Column("gpu_clock", TEXT, "Clock of gpu_ms: query (GL_TIME_ELAPSED) or wall (first GL call to glFinish)."),
     Column("filler_triangles", "count", "Triangles that only hide cracks, of the visible nodes."),
     Column("slack_px", "px", "What laws allow beside a bound in this view: 0.01 px and the rounding of positions."),
+    Column("source_kind", TEXT, "Kind of the source: heightfield, planet, mesh; it says which columns mean something."),
 )  # fmt: skip
 HASHES: tuple[Column, ...] = (
     Column("source_hash", TEXT, "Hash of the source's heights, voids and placement."),

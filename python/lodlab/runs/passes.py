@@ -130,6 +130,7 @@ def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Map
                 "gpu_clock": cost["gpu_clock"],
                 "filler_triangles": cut.filler_triangles,
                 "slack_px": pixel_slack(recording.views[f]),
+                "source_kind": store.source_kind,
                 **hashes,
             }
         )

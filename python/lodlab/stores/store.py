@@ -59,6 +59,11 @@ class Store:
         return self.core.source_spec
 
     @property
+    def source_kind(self) -> str:
+        """The kind of source that it was built from: heightfield, planet, mesh."""
+        return self.frame["kind"]
+
+    @property
     def frame(self) -> dict[str, Any]:
         """Where the source lies: rows, columns, spacing, origin, planet or not."""
         return self.core.frame
