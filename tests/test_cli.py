@@ -535,7 +535,7 @@ def test_version_and_help_are_said(say):
         ("build jack", ["jacksboro"]),
         ("build jacksboro ", [m["name"] for m in lod.methods()]),
         ("build my", []),  # a file: the shell goes on
-        ("fly a.lod --path fl", ["flyover"]),
+        ("fly a.lod --path fl", ["flyover", "flyby"]),
         ("fly a.lod --images ", ["all", "worst", "none"]),
         ("render a.lod a.png --show e", ["error"]),
         ("sweep a.toml --metrics g", ["geometry"]),

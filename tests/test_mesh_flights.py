@@ -58,3 +58,14 @@ def test_a_path_that_looks_elsewhere_says_where_the_mesh_lies(tmp_path: Path) ->
     away = lod.CameraPath.from_keys([{"t": t, "eye": [9, 0, 0], "target": [19, t, 0]} for t in (0, 1)], frames=2)
     with pytest.warns(UserWarning, match="x -1 to 1, y -1 to 1, z -1 to 1"):
         lod.fly(store, away, {"pixel_error": 1.0}, size=(64, 64), accuracy_frames=0, progress=False)
+
+
+def test_a_mesh_without_a_path_is_orbited_and_ground_is_flown_over(tmp_path: Path) -> None:
+    few = {"frames": 2, "size": (64, 64), "accuracy_frames": 0, "progress": False}
+    for spec, path in (("icosphere:level=2", "orbit"), ("fractal:size=33", "flyover")):
+        run = lod.fly(
+            lod.build(spec, "full", tmp_path / f"{path}.lod", progress=False), budget={"pixel_error": 1}, **few
+        )
+        assert (run.frames["path"] == path).all()
+    made = lod.compare("icosphere:level=2", methods=["full"], out=tmp_path / "all", **few)
+    assert (made.frames["path"] == "orbit").all()

@@ -16,7 +16,7 @@ from .disk import short_hash, temporary_folder
 from .errors import InvalidInput
 from .instrument.laws import tell_broken
 from .instrument.yardstick import Yardstick, look_of
-from .paths.path import CameraPath, make_path, over_source, path_text
+from .paths.path import CameraPath, default_path, make_path, over_source, path_text
 from .report.page import write
 from .runs import tables
 from .runs.configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, enter, freeze, plan
@@ -38,7 +38,7 @@ __all__ = ["compare", "fit", "fly", "sweep"]
 
 def fly(
     store: Store | str | os.PathLike[str],
-    path: Any = "flyover",
+    path: Any = "",
     budget: Any = None,
     *,
     size: tuple[int, int] = (1280, 720),
@@ -55,7 +55,8 @@ def fly(
     progress: bool = True,
     **options: Any,
 ) -> Run:
-    """Flies a store (or the file of one) along a path under a budget and measures it.
+    """Flies a store (or the file of one) along a path under a budget and measures it; without a path the flyover of
+    fields, the orbit of meshes.
 
     `path`: a CameraPath, a built-in name or a key-frame file (`frames` and `fov`, degrees, are for names and
     files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames are
@@ -78,6 +79,7 @@ def fly(
         _core.choose_device(device)
     if images not in (None, "none") and out is None:
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
+    path = default_path(store.source_kind) if isinstance(path, str) and not path else path
     track = make_path(path, store.source if over_source(path) else None, frames, fov)
     flight = Flight(
         name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
@@ -202,7 +204,7 @@ def compare(
     triangles: Sequence[int] | None = None,
     nodes: Sequence[int] | None = None,
     options: Mapping[str, Mapping[str, Any]] | None = None,
-    path: Any = "flyover",
+    path: Any = "",
     frames: int = 120,
     size: tuple[int, int] = (1280, 720),
     fov: float | None = None,
@@ -225,6 +227,7 @@ def compare(
     Other parameters as `lodlab.fly` and `lodlab.sweep`.
     """
     field = as_source(source)
+    path = default_path(field.kind) if isinstance(path, str) and not path else path
     name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
     chosen = {k: _several(v) for k, v in budgets.items() if v is not None and _several(v)}

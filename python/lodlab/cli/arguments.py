@@ -43,15 +43,14 @@ Method = Annotated[
     ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
-PathText = Annotated[
-    str,
-    typer.Option(
-        "--path",
-        metavar="NAME|FILE",
-        help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still.",
-        autocompletion=completing(lambda: NAMES),
-    ),
-]
+_PATH = typer.Option(
+    "--path",
+    metavar="NAME|FILE",
+    help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still.",
+    autocompletion=completing(lambda: NAMES),
+)
+PathText = Annotated[str, _PATH]
+OwnPathText = Annotated[str | None, _PATH]  # None: flyover, or orbit around a mesh
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
 Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
 Fov = Annotated[

@@ -25,7 +25,7 @@ from .arguments import (
     Nodes,
     OptionTexts,
     OutFolder,
-    PathText,
+    OwnPathText,
     PixelError,
     Repeat,
     Size,
@@ -50,7 +50,7 @@ commands = typer.Typer()
 def fly_command(
     store: StoreFile,
     out: OutFolder,
-    path: PathText = "flyover",
+    path: OwnPathText = None,
     frames: Frames = 120,
     size: Size = "1280x720",
     fov: Fov = None,
@@ -73,7 +73,7 @@ def fly_command(
     """
     run = lodlab.fly(
         open_store(store, source),
-        path,
+        path or "",
         budget_from(pixel_error, triangles, nodes),
         size=size_of(size),
         frames=frames,
@@ -123,7 +123,7 @@ def compare_command(
     option: Annotated[
         list[str] | None, typer.Option("-o", metavar="METHOD.NAME=VALUE", help="An option; may be repeated.")
     ] = None,
-    path: PathText = "flyover",
+    path: OwnPathText = None,
     frames: Frames = 120,
     size: Size = "1280x720",
     fov: Fov = None,
@@ -153,7 +153,7 @@ def compare_command(
         triangles=numbers_of("triangles", triangles, int),
         nodes=numbers_of("nodes", nodes, int),
         options=options,
-        path=path,
+        path=path or "",
         frames=frames,
         size=size_of(size),
         fov=fov,

@@ -10,7 +10,7 @@ import typer
 
 from .. import _core, movies, pictures
 from ..errors import InvalidInput, check_one_of
-from ..paths.path import make_path
+from ..paths.path import default_path, make_path
 from ..runs.flight import check_budget
 from ..stores.methods import still
 from ..stores.session import SHOWS
@@ -21,7 +21,7 @@ from .arguments import (
     Frames,
     Nodes,
     OptionTexts,
-    PathText,
+    OwnPathText,
     PixelError,
     Size,
     SourceOption,
@@ -44,12 +44,18 @@ def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -
 
 
 def one_cut(
-    store: Any, path: str, at: float, size: str, fov: float | None, budget: dict[str, Any], options: dict[str, str]
+    store: Any,
+    path: str | None,
+    at: float,
+    size: str,
+    fov: float | None,
+    budget: dict[str, Any],
+    options: dict[str, str],
 ) -> tuple[Any, Any, Any]:
     """(session, cut, view) of one spot on a path."""
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
-    view = make_path(path, store.source, 2, fov).view_at(at, size_of(size), fov)
+    view = make_path(path or default_path(store.source_kind), store.source, 2, fov).view_at(at, size_of(size), fov)
     session, checked = still_session(store, budget, options)
     return session, session.select(view, checked), view
 
@@ -64,7 +70,7 @@ def render(
     frames: Frames = 120,
     fps: Annotated[float, typer.Option("--fps", metavar="F", help="Of --video: frames a second, 1 to 100.")] = 30.0,
     at: At = 0.5,
-    path: PathText = "flyover",
+    path: OwnPathText = None,
     size: Size = "1280x720",
     fov: Fov = None,
     pixel_error: PixelError = None,
@@ -108,7 +114,7 @@ def render(
         return pictures.error_picture(measured.image, measured.error_px())
 
     if video is not None:
-        track = make_path(path, opened.source, frames, fov)
+        track = make_path(path or default_path(opened.source_kind), opened.source, frames, fov)
         session, checked = still_session(opened, budget, options_from(option))
         views = track.views(size_of(size), fov)
         movies.save(video, (drawn(session, session.select(view, checked), view) for view in views), fps)
@@ -126,7 +132,7 @@ def export(
     store: StoreFile,
     mesh: Annotated[Path, typer.Argument(metavar="OUT.ply|.glb|.obj", help="The mesh to write.")],
     at: At = 0.5,
-    path: PathText = "flyover",
+    path: OwnPathText = None,
     size: Size = "1280x720",
     fov: Fov = None,
     pixel_error: PixelError = None,

@@ -205,6 +205,11 @@ class CameraPath:
         raise InvalidInput(f"camera path '{text}': neither one of {known} nor a .toml or .json file{meant}")
 
 
+def default_path(kind: str) -> str:
+    """The built-in path where none is named, by the source's kind."""
+    return "orbit" if kind == "mesh" else "flyover"
+
+
 def make_path(path: Any, source: Source | None, frames: int, fov: float | None) -> CameraPath:
     """A CameraPath from itself, a built-in name, or a key-frame file (.toml, .json)."""
     return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)
