@@ -291,6 +291,14 @@ void bind_measurement(py::module_& m) {
         "Fillers that rise above the drawn surface.");
   column("drawn_triangles", &Measurement::drawn_triangles,
          "Triangles of the picture as the GPU counts them, culled nodes left out.");
+  column("measured_max_source_to_drawn", &Measurement::measured_max_source_to_drawn,
+         "From all of the source's surface, source units; nan on height fields.");
+  column("measured_max_drawn_to_source", &Measurement::measured_max_drawn_to_source,
+         "From all of the drawn surface, source units; nan on height fields.");
+  column("measured_rms_source_to_drawn", &Measurement::measured_rms_source_to_drawn,
+         "From all of the source's surface, source units; nan on height fields.");
+  column("measured_rms_drawn_to_source", &Measurement::measured_rms_drawn_to_source,
+         "From all of the drawn surface, source units; nan on height fields.");
   type.def_property_readonly("image", &drawn_image, "(H, W, 4) uint8: the picture as drawn, row 0 on top.")
       .def_property_readonly(
           "reference",

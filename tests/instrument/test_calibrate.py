@@ -101,14 +101,16 @@ def test_progress_is_shown_when_it_is_wanted(capsys: pytest.CaptureFixture[str])
     assert "calibrate" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("module", ["case", "cracks", "pixels", "planet", "samples"])
+@pytest.mark.parametrize("module", ["case", "cracks", "meshes", "pixels", "planet", "samples"])
 def test_paper_values_come_from_paper(module: str) -> None:
     """Cases import what sources and views are made of, and the names of metrics; nothing that measures."""
     tree = ast.parse(inspect.getsource(importlib.import_module(f"lodlab.instrument.cases.{module}")))
     imported = [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)]
     own = {(n.module, a.name) for n in imported if isinstance(n, ast.ImportFrom) and n.level > 0 for a in n.names}
     own = {(source, name) for source, name in own if source != "case"}
-    assert own <= {("_core", "View"), ("sources.heightfield", "HeightField"), ("metrics", "METRICS")}
+    sources = {("base", "Source"), ("heightfield", "HeightField"), ("mesh", "Mesh"), ("shapes", "icosphere")}
+    made = {(f"sources.{module}", name) for module, name in sources}
+    assert own <= {("_core", "View"), ("metrics", "METRICS"), *made}
     for node in imported:
         if isinstance(node, ast.Import):
             assert {alias.name for alias in node.names} <= {"math", "numpy"}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """`lodlab calibrate`: every metric against values known on paper.
 
-Cases (cases_*.py) go the way of any source: a store is built, a cut selected, drawn and captured, and only then
+Cases (`cases/`) go the way of any source: a store is built, a cut selected, drawn and captured, and only then
 measured. What is drawn in a case's place are stores of other fields, so that the error is known beforehand.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import _core
 from ..errors import InvalidInput
-from ..sources.heightfield import HeightField
+from ..sources.base import Source
 from ..stores.build import build
 from .cases.case import Case, Drawn
 from .metrics import METRICS, Metric
@@ -29,11 +29,12 @@ ANYTHING = 1e9  # pixels: a budget that the coarsest cut meets
 def all_cases() -> list[Case]:
     """Every case, in the order of the table."""
     from .cases.cracks import crack_cases  # not at start-up: they make height fields
+    from .cases.meshes import mesh_cases
     from .cases.pixels import pixel_cases
     from .cases.planet import planet_cases
     from .cases.samples import sample_cases
 
-    return [*sample_cases(), *planet_cases(), *crack_cases(), *pixel_cases()]
+    return [*sample_cases(), *planet_cases(), *crack_cases(), *pixel_cases(), *mesh_cases()]
 
 
 def calibrate(progress: bool = True) -> Any:
@@ -100,13 +101,13 @@ class _Bench:
         before = [self._part(drawn, case.view) for drawn in case.before]
         return instrument.examine_parts(parts, case.view, instrument.reference(case.view), True, before)
 
-    def _instrument(self, source: HeightField) -> Any:
+    def _instrument(self, source: Source) -> Any:
         key = source.hash()
         if key not in self._instruments:
             self._instruments[key] = _core.Instrument(source.core, self._session(Drawn(source)))
         return self._instruments[key]
 
-    def _part(self, drawn: HeightField | Drawn, view: Any) -> tuple[Any, Any]:
+    def _part(self, drawn: Source | Drawn, view: Any) -> tuple[Any, Any]:
         """(session, cut): all of it, or the nodes that it names."""
         if not isinstance(drawn, Drawn):
             drawn = Drawn(drawn)

@@ -42,6 +42,7 @@ def _core(name: str, unit: str, text: str, smaller_is_worse: bool = False) -> Me
 _SEES_NOTHING = "nan when the view sees nothing"
 _COMPARES = "against the full-resolution reference; nan without one, and where both show nothing"
 _NO_OPTIMUM = "nan where the method knows no optimum or a hard budget is broken, below 0 within a pixel error"
+_ONE_WAY = "nan on height fields, which know one direction only"
 _UNDECIDED = "nan when less than a tenth of the covered ones is farther from a silhouette than errors reach"
 METRICS: tuple[Metric, ...] = (
     _core("predicted_px", "px", "The method's claim: the largest projected bound among visible nodes."),
@@ -66,6 +67,10 @@ METRICS: tuple[Metric, ...] = (
     _core("optimum_gap", "1", f"predicted_px / what its hierarchy's best cut would have - 1; {_NO_OPTIMUM}."),
     _core("raised_filler_triangles", "count", "Fillers that rise above the drawn surface, and so could hide it."),
     _core("drawn_triangles", "count", "Triangles that the GPU counted in the picture; nan without one."),
+    _core("measured_max_source_to_drawn", "source units", f"Largest distance from the source's surface; {_ONE_WAY}."),
+    _core("measured_max_drawn_to_source", "source units", f"Largest distance from the drawn surface; {_ONE_WAY}."),
+    _core("measured_rms_source_to_drawn", "source units", f"Root mean square from the source's surface; {_ONE_WAY}."),
+    _core("measured_rms_drawn_to_source", "source units", f"Root mean square from the drawn surface; {_ONE_WAY}."),
 )  # fmt: skip
 
 

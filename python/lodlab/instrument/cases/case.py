@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..._core import View
+from ...sources.base import Source
 from ...sources.heightfield import HeightField
 
 SIDE = 256  # pixels of a picture's side, where a case does not say otherwise
@@ -37,7 +38,7 @@ class Drawn:
     `nodes`: the cut by hand; None: what `select` picks under `budget`; empty: when every error is allowed.
     """
 
-    field: HeightField
+    field: Source
     method: str = "full"
     build: Mapping[str, Any] = field(default_factory=dict)
     draw: Mapping[str, Any] = field(default_factory=dict)
@@ -53,11 +54,11 @@ class Case:
     """
 
     name: str
-    source: HeightField
-    drawn: tuple[HeightField | Drawn, ...]
+    source: Source
+    drawn: tuple[Source | Drawn, ...]
     view: View
     expected: Mapping[str, float]
-    before: tuple[HeightField | Drawn, ...] = ()
+    before: tuple[Source | Drawn, ...] = ()
 
 
 Height = float | Callable[[np.ndarray, np.ndarray], np.ndarray]
