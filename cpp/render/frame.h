@@ -8,7 +8,6 @@
 #include <functional>
 #include <memory>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "geometry/view.h"
@@ -43,12 +42,8 @@ struct CapturedVertex {
   float col, row;  ///< grid coordinates relative to the eye cell
   uint32_t node;
   uint32_t bits;  ///< level << 1 | filler
-
-  CapturedVertex() {}  // left as it is: millions are made only to be read into
-  CapturedVertex(float x_, float y_, float z_, float col_, float row_, uint32_t node_, uint32_t bits_)
-      : x(x_), y(y_), z(z_), col(col_), row(row_), node(node_), bits(bits_) {}
 };
-static_assert(sizeof(CapturedVertex) == 28 && std::is_trivially_copyable_v<CapturedVertex>);
+static_assert(sizeof(CapturedVertex) == 28);
 
 /// Three vertices a triangle; a triangle is filler when any of its vertices says so.
 struct Captured {
