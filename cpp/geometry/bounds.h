@@ -33,4 +33,9 @@ inline glm::dvec3 gap(const Box& box, const glm::dvec3& point) {
 /// Distance from the point to the nearest point of the box; 0 inside.
 inline double distance(const Box& box, const glm::dvec3& point) { return glm::length(gap(box, point)); }
 
+/// Distance from the point to the farthest corner of the box.
+inline double reach(const Box& box, const glm::dvec3& point) {
+  return glm::length(glm::max(glm::abs(box.lo - point), glm::abs(box.hi - point)));
+}
+
 }  // namespace lodlab

@@ -17,6 +17,7 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/angles.h"
+#include "geometry/bounds.h"
 #include "geometry/coverage.h"
 #include "geometry/height_check.h"
 
@@ -186,8 +187,10 @@ glm::dvec3 FieldFrame::position(int64_t row, int64_t col, double height) const {
 
 double FieldFrame::reach(const glm::dvec3& eye) const {
   if (planet) return glm::length(eye) + radius + std::max(0.0, z_max);
-  const glm::dvec3 first = position(0, 0, z_min), last = position(rows - 1, cols - 1, z_max);
-  return glm::length(glm::max(glm::abs(first - eye), glm::abs(last - eye)));
+  Box box;
+  box.add(position(0, 0, z_min));
+  box.add(position(rows - 1, cols - 1, z_max));
+  return lodlab::reach(box, eye);
 }
 
 void check_frame(const FieldFrame& frame) {

@@ -98,11 +98,6 @@ std::shared_ptr<const Mesh> make_mesh(MeshArrays arrays, std::string spec) {
   return mesh;
 }
 
-const Mesh& mesh_of(const Source& source, const std::string& operation) {
-  if (const auto* mesh = dynamic_cast<const Mesh*>(&source)) return *mesh;
-  throw Unsupported(operation + " needs triangles; a " + source.kind() + " has heights");
-}
-
 MeshFrame mesh_frame_from_json(const std::string& text) {
   try {
     const auto json = nlohmann::json::parse(text);
@@ -113,7 +108,6 @@ MeshFrame mesh_frame_from_json(const std::string& text) {
     const auto hi = json.at("hi").get<std::array<double, 3>>();
     f.box.add({lo[0], lo[1], lo[2]});
     f.box.add({hi[0], hi[1], hi[2]});
-    json.at("colors").get_to(f.colors);
     json.at("in_floats").get_to(f.in_floats);
     return f;
   } catch (const nlohmann::json::exception& error) {

@@ -49,14 +49,11 @@ inline constexpr int64_t kMostFaces = (int64_t{1} << 31) / 3;
 /// vertices.
 std::shared_ptr<const Mesh> make_mesh(MeshArrays arrays, std::string spec);
 
-/// The triangles of a source; Unsupported, naming the operation, where it is no mesh.
-const Mesh& mesh_of(const Source& source, const std::string& operation);
-
 /// Where a mesh lies, from the JSON text of Mesh::frame(): what stores keep of it.
 struct MeshFrame {
   int64_t vertices = 0, faces = 0;
   Box box;
-  bool colors = false, in_floats = false;
+  bool in_floats = false;
 };
 MeshFrame mesh_frame_from_json(const std::string& text);
 

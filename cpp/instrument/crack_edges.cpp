@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/parallel.h"
+#include "instrument/captured.h"
 
 namespace lodlab::instrument {
 namespace {
@@ -41,7 +42,7 @@ uint64_t hash_of(const Vertex& v) {
 /// The keys of a triangle's edges, or three times kNoEdge.
 void edge_keys(const render::CapturedVertex* v, uint64_t* keys) {
   keys[0] = keys[1] = keys[2] = kNoEdge;
-  if (((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0) return;
+  if (is_filler(v)) return;
   const Vertex corner[3] = {bits_of(v[0]), bits_of(v[1]), bits_of(v[2])};
   if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) return;
   const uint64_t hash[3] = {hash_of(corner[0]), hash_of(corner[1]), hash_of(corner[2])};

@@ -5,32 +5,13 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "instrument/captured.h"
 #include "instrument/surface_writer.h"
 
 namespace lodlab::instrument {
 namespace {
 
 constexpr int64_t kGrain = 4096;
-
-bool finite(TriangleVertices v) {
-  for (int i = 0; i < 3; ++i) {
-    if (!std::isfinite(v[i].x) || !std::isfinite(v[i].y) || !std::isfinite(v[i].z)) return false;
-  }
-  return true;
-}
-
-bool filler(TriangleVertices v) { return ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0; }
-
-[[noreturn]] void refuse(const render::Captured& captured, int64_t triangle) {
-  for (int64_t i = 3 * triangle; i < 3 * triangle + 3; ++i) {
-    const render::CapturedVertex& v = captured.vertices[static_cast<size_t>(i)];
-    if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) continue;
-    throw InvalidInput("measure: node " + std::to_string(v.node) + " drew vertex " + std::to_string(i) +
-                       " at (" + std::to_string(v.x) + ", " + std::to_string(v.y) + ", " +
-                       std::to_string(v.z) + "); positions must be finite");
-  }
-  throw InvalidInput("measure: triangle " + std::to_string(triangle) + " is not finite");
-}
 
 void keep_smallest(std::atomic<int64_t>& smallest, int64_t value) {
   int64_t seen = smallest.load();
@@ -46,14 +27,15 @@ void rasterize(const Rasterizer& rasterizer, const render::Captured& captured, c
     SurfaceWriter out = prototype;
     for (int64_t triangle = begin; triangle < end; ++triangle) {
       const TriangleVertices vertices = captured.vertices.data() + 3 * triangle;
-      if (!finite(vertices)) return keep_smallest(first_bad, triangle);
-      if (filler(vertices)) continue;
+      if (!is_finite(vertices[0]) || !is_finite(vertices[1]) || !is_finite(vertices[2]))
+        return keep_smallest(first_bad, triangle);
+      if (is_filler(vertices)) continue;
       out.start_triangle();
       rasterizer.draw(vertices, out);
       if (worst_of_triangle != nullptr) (*worst_of_triangle)[static_cast<size_t>(triangle)] = out.worst();
     }
   });
-  if (first_bad < captured.triangles()) refuse(captured, first_bad);
+  if (first_bad < captured.triangles()) check_finite(captured, first_bad);
 }
 
 }  // namespace

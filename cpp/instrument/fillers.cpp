@@ -9,6 +9,7 @@
 
 #include "base/parallel.h"
 #include "geometry/angles.h"
+#include "instrument/captured.h"
 #include "instrument/slack.h"
 
 namespace lodlab::instrument {
@@ -17,8 +18,6 @@ namespace {
 using Place = std::array<float, 3>;
 
 Place place_of(const render::CapturedVertex& v) { return {v.x, v.y, v.z}; }
-
-bool is_filler(const render::CapturedVertex* v) { return ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0; }
 
 constexpr double kOnSample = 1e-6;  ///< cells: the rounding of coordinates in double
 

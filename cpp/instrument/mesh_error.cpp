@@ -59,8 +59,6 @@ std::vector<Triangle> source_triangles(std::span<const glm::dvec3> positions,
   return out;
 }
 
-double larger(double a, double b) { return std::isnan(a) || b > a ? b : a; }
-
 PixelError pixel_error(const MeshSurface& drawn, const render::Picture& reference, const Camera& camera,
                        const glm::dvec3& offset) {
   return lodlab::instrument::pixel_error(
@@ -81,7 +79,7 @@ double vertex_error_px(const WeldedMesh& from, const std::vector<Closest>& there
     if (!in_frustum(camera, sample)) continue;
     const double distance = there[i].distance;
     const bool moved = distance > 0.0 && distance < kInfinite;
-    worst = larger(worst, moved ? screen_distance(camera, sample, there[i].point + offset) : distance);
+    worst = std::fmax(worst, moved ? screen_distance(camera, sample, there[i].point + offset) : distance);
   }
   return worst;
 }
@@ -125,8 +123,8 @@ MeshAccuracy mesh_accuracy(std::span<const glm::dvec3> positions,
   out.measured_rms_source_to_drawn = both.rms_to_drawn;
   out.measured_max_drawn_to_source = both.max_to_source;
   out.measured_rms_drawn_to_source = both.rms_to_source;
-  out.measured_max = larger(out.measured_max_source_to_drawn, out.measured_max_drawn_to_source);
-  out.measured_rms = larger(out.measured_rms_source_to_drawn, out.measured_rms_drawn_to_source);
+  out.measured_max = std::fmax(out.measured_max_source_to_drawn, out.measured_max_drawn_to_source);
+  out.measured_rms = std::fmax(out.measured_rms_source_to_drawn, out.measured_rms_drawn_to_source);
   if (view.camera == nullptr) return out;
   const glm::dvec3 offset = centre - view.camera->eye;
   out.measured_px_max = vertex_error_px(source, at_source, *view.camera, offset);

@@ -7,8 +7,9 @@
 #include <map>
 
 #include "base/errors.h"
-#include "base/parallel.h"
 #include "geometry/mesh_distance.h"
+#include "geometry/mesh_edges.h"
+#include "instrument/captured.h"
 #include "instrument/crack_edges.h"
 #include "instrument/crack_pixels.h"
 #include "instrument/mesh_error.h"
@@ -18,10 +19,6 @@
 namespace lodlab::instrument {
 namespace {
 
-double larger(double a, double b) { return std::isnan(a) || b > a ? b : a; }
-
-bool is_filler(const render::CapturedVertex* v) { return ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0; }
-
 /// A captured surface in the ruler's coordinates, with its tree and each triangle's node.
 struct DrawnMesh {
   WeldedMesh mesh;
@@ -29,23 +26,16 @@ struct DrawnMesh {
   std::unique_ptr<MeshSurface> surface;
 };
 
-std::unique_ptr<DrawnMesh> drawn_mesh(const render::Captured& captured, const glm::dvec3& centre,
-                                      const std::string& drawn_by) {
+std::unique_ptr<DrawnMesh> drawn_mesh(const render::Captured& captured, const glm::dvec3& centre) {
   auto out = std::make_unique<DrawnMesh>();
   std::vector<Triangle> triangles;
   const glm::dvec3 offset = captured.eye - centre;
   for (int64_t i = 0; i < captured.triangles(); ++i) {
+    check_finite(captured, i);
     const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * i)];
-    Triangle triangle;
-    for (size_t k = 0; k < 3; ++k) {
-      triangle[k] = glm::dvec3(v[k].x, v[k].y, v[k].z) + offset;
-      if (std::isfinite(v[k].x) && std::isfinite(v[k].y) && std::isfinite(v[k].z)) continue;
-      throw InvalidInput(drawn_by + ": measure: node " + std::to_string(v[k].node) + " drew vertex " +
-                         std::to_string(3 * i + static_cast<int64_t>(k)) + " at (" + std::to_string(v[k].x) +
-                         ", " + std::to_string(v[k].y) + ", " + std::to_string(v[k].z) +
-                         "); positions must be finite");
-    }
     if (is_filler(v)) continue;
+    Triangle triangle;
+    for (size_t k = 0; k < 3; ++k) triangle[k] = glm::dvec3(v[k].x, v[k].y, v[k].z) + offset;
     triangles.push_back(triangle);
     out->nodes.push_back(v[0].node);
   }
@@ -80,8 +70,8 @@ class LaidOnMesh final : public Laid {
     if (!samples_) {
       const TwoSided both = two_sided();
       samples_.emplace();
-      samples_->max = larger(both.max_to_drawn, both.max_to_source);
-      samples_->rms = larger(both.rms_to_drawn, both.rms_to_source);
+      samples_->max = std::fmax(both.max_to_drawn, both.max_to_source);
+      samples_->rms = std::fmax(both.rms_to_drawn, both.rms_to_source);
       samples_->samples = ruler_.source().samples();
     }
     return *samples_;
@@ -100,7 +90,7 @@ class LaidOnMesh final : public Laid {
     const auto one_way = [&](const DrawnMesh& from, const DrawnMesh& to) {
       return vertex_error_px(from.mesh, closest_to_vertices(from.mesh, *to.surface), shown_.camera, offset());
     };
-    return larger(one_way(before(), now()), one_way(now(), before()));
+    return std::fmax(one_way(before(), now()), one_way(now(), before()));
   }
   std::vector<NodeError> node_errors() override;
   std::optional<int64_t> raised_fillers() override { return std::nullopt; }
@@ -131,12 +121,19 @@ class LaidOnMesh final : public Laid {
     }
     return glm::distance(box.lo, box.hi);
   }
+  std::unique_ptr<DrawnMesh> made(const render::Captured& captured) const {
+    try {
+      return drawn_mesh(captured, ruler_.centre());
+    } catch (const InvalidInput& error) {
+      throw InvalidInput(shown_.drawn_by + ": " + error.what());
+    }
+  }
   const DrawnMesh& now() {
-    if (!now_) now_ = drawn_mesh(shown_.now(), ruler_.centre(), shown_.drawn_by);
+    if (!now_) now_ = made(shown_.now());
     return *now_;
   }
   const DrawnMesh& before() {
-    if (!before_) before_ = drawn_mesh(shown_.before(), ruler_.centre(), shown_.drawn_by);
+    if (!before_) before_ = made(shown_.before());
     return *before_;
   }
   /// The closest drawn point of each vertex of the source.
@@ -180,30 +177,15 @@ std::vector<NodeError> LaidOnMesh::node_errors() {
 /// The edges of a mesh that are not there once in each direction, but for those of triangles that are
 /// segments.
 WeldedMesh unmatched_edges(const WeldedMesh& mesh) {
-  struct Edge {
-    uint32_t low, high;
-    bool forward;
-    auto operator<=>(const Edge&) const = default;
-  };
-  std::vector<Edge> edges;
-  edges.reserve(3 * mesh.faces.size());
-  for (const auto& face : mesh.faces) {
-    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;
-    for (size_t k = 0; k < 3; ++k) {
-      const uint32_t a = face[k], b = face[(k + 1) % 3];
-      edges.push_back({std::min(a, b), std::max(a, b), a < b});
-    }
-  }
-  std::sort(edges.begin(), edges.end());
+  const MeshEdges edges = mesh_edges(mesh.faces, static_cast<int64_t>(mesh.positions.size()));
   WeldedMesh out;
   out.positions = mesh.positions;
-  for (size_t i = 0; i < edges.size();) {
-    size_t next = i, forward = 0;
-    for (; next < edges.size() && edges[next].low == edges[i].low && edges[next].high == edges[i].high;
-         ++next)
-      forward += edges[next].forward ? 1 : 0;
-    if (next - i != 2 || forward != 1) out.faces.push_back({edges[i].low, edges[i].high, edges[i].high});
-    i = next;
+  for (int64_t e = 0; e < edges.count(); ++e) {
+    const std::span<const uint32_t> sides = edges.of(e);
+    const auto start = [&](uint32_t side) { return vertex_of(mesh.faces, side); };
+    const uint32_t from = start(sides[0]), to = start(side_end(sides[0]));
+    if (sides.size() == 2 && start(sides[1]) == to) continue;
+    out.faces.push_back({std::min(from, to), std::max(from, to), std::max(from, to)});
   }
   return out;
 }
@@ -258,8 +240,7 @@ bool MeshRuler::stands_free(const render::Captured& captured, const Camera& came
 }
 
 double MeshRuler::slack(const glm::dvec3& eye) const {
-  const glm::dvec3 far = glm::max(glm::abs(source_->box.lo - eye), glm::abs(source_->box.hi - eye));
-  return world_slack(glm::length(far)) + kDoubleSlack * glm::length(eye);
+  return world_slack(reach(source_->box, eye)) + kDoubleSlack * glm::length(eye);
 }
 
 /// Beyond, what is drawn is off by more than a thousandth of the whole mesh.

@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "base/parallel.h"
+#include "instrument/captured.h"
 #include "instrument/pixels.h"
 #include "instrument/slack.h"
 
@@ -32,7 +33,7 @@ Orientation orientation(const SampleGrid& grid, const render::Captured& captured
     for (int64_t t = begin; t < end; ++t) {
       const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * t)];
       const double area = covered_area(grid, v, captured.eye);
-      const bool filler = ((v[0].bits | v[1].bits | v[2].bits) & 1u) != 0;
+      const bool filler = is_filler(v);
       inverted_here += !filler && area < 0.0 ? 1 : 0;
       slanted_here += filler && area != 0.0 ? 1 : 0;
     }

@@ -65,8 +65,7 @@ CameraBlock begin_block(const Camera& camera, double reach) {
 }  // namespace
 
 CameraBlock make_camera_block(const Camera& camera, const Box& mesh) {
-  return begin_block(camera,
-                     glm::length(glm::max(glm::abs(mesh.lo - camera.eye), glm::abs(mesh.hi - camera.eye))));
+  return begin_block(camera, reach(mesh, camera.eye));
 }
 
 CameraBlock make_camera_block(const Camera& camera, const FieldFrame& frame) {
