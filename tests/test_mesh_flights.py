@@ -26,6 +26,14 @@ def test_paths_scale_with_the_mesh_see_it_and_stay_outside(name: str, scale: flo
         assert (np.abs(clip[:, :2]) < clip[:, 3:]).all(axis=1).any()
 
 
+def test_an_orbit_fills_pictures_with_a_mesh_that_leaves_the_corners_of_its_box_free() -> None:
+    corners = np.vstack([np.eye(3), -np.eye(3)])
+    octahedron = lod.Mesh(corners, [[x, y, z] for x in (0, 3) for y in (1, 4) for z in (2, 5)])
+    for view in lod.CameraPath.named("orbit", octahedron, frames=9).views(size=(160, 90)):
+        clip = np.c_[corners, np.ones(6)] @ np.asarray(view.matrix).T
+        assert 0.85 < np.abs(clip[:, :2] / clip[:, 3:]).max() < 1.0
+
+
 def test_paths_over_ground_are_none_of_a_mesh_and_the_other_way_round() -> None:
     mesh, field = lod.datasets.load("icosphere:level=2"), lod.datasets.load("fractal:size=33")
     for name in ("flyover", "walk"):
@@ -47,7 +55,8 @@ def test_a_run_of_a_mesh_measures_it_and_makes_a_report(tmp_path: Path) -> None:
     assert (run.frames["source_kind"] == "mesh").all()
     found = {v.law: v.verdict for v in lod.laws.judge(run.frames)}
     assert not {"holes", "winding", "fillers", "raised"} & found.keys() and set(found.values()) <= {"holds", "open"}
-    assert "torus" in (tmp_path / "run" / "report.html").read_text()
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert "torus" in page and "measured<br>units" in page and "to source<br>units" in page and "<br>m<" not in page
     again = lod.open(store.path)
     assert again.source.hash() == mesh.hash()
 

@@ -140,6 +140,14 @@ def test_report_of_fewer_columns(swept, tmp_path):
     assert charts.pareto(older)._repr_png_().startswith(b"\x89PNG")
 
 
+def test_distances_are_in_the_units_of_the_source_and_what_is_undefined_in_every_run_is_left_out(swept):
+    ground = report.summary_table(swept.summary)
+    assert "measured<br>m</th>" in ground and "to drawn" not in ground
+    meshes = swept.summary.assign(source_kind="mesh", measured_max_source_to_drawn_worst=1.0, psnr_db_worst=np.nan)
+    table = report.summary_table(meshes)
+    assert "measured<br>units</th>" in table and "to drawn<br>units</th>" in table and "PSNR" not in table
+
+
 def test_tables_show_the_interval_of_the_median(swept):
     row = swept.summary.iloc[0]
     low, high = (figures.number(row[f"frame_ms_median_{end}"]) for end in ("low", "high"))
@@ -312,7 +320,12 @@ def test_many_runs_have_a_timeline_for_each_curve(swept):
 
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
-    [(10, 200, [10, 20, 50, 100, 200]), (4.0, 9.0, [4, 5, 6, 8]), (1, 1e5, [1, 10, 100, 1e3, 1e4, 1e5])],
+    [
+        (10, 200, [10, 20, 50, 100, 200]),
+        (4.0, 9.0, [4, 5, 6, 8]),
+        (1, 1e5, [1, 10, 100, 1e3, 1e4, 1e5]),
+        (8.1e5, 9.7e5, [8.4e5, 8.8e5, 9.2e5, 9.6e5]),
+    ],
 )
 def test_axes_have_round_marks(low, high, expected):
     assert charts.round_numbers(low, high, 6) == pytest.approx(expected)

@@ -16,37 +16,40 @@ import numpy as np
 from ..sources.mesh import Mesh
 from .terrain import NEAR_SHARE, Pose, PoseAt, Vec
 
-_AWAY = 1.6  # of the orbit: a ball round the box fits into a picture of 16 to 9, 60 degrees wide
+_AWAY = 3.3  # radii, of the orbit: the ball round the vertices fits into a picture of 16 to 9, 60 degrees wide
 _ELEVATION = math.radians(20.0)
 _CLOSE = 0.02  # where zoom ends
 _PASS = 0.05  # how near flyby comes
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def _middle(mesh: Mesh) -> tuple[Vec, float]:
-    low, high = np.asarray(mesh.bounds)
-    return 0.5 * (low + high), float(np.linalg.norm(high - low))
+class _Round:
+    """What paths know of a mesh: the vertices of its triangles, its extent, and the ball about the middle of its box
+    that holds them."""
 
+    def __init__(self, mesh: Mesh) -> None:
+        self.vertices = np.asarray(mesh.positions)[np.unique(np.asarray(mesh.faces))]
+        self.extent = mesh.extent
+        self.middle: Vec = np.asarray(mesh.bounds).mean(axis=0)
+        self.radius = float(np.linalg.norm(self.vertices - self.middle, axis=1).max())
 
-def _pose(mesh: Mesh, eye: Vec, target: Vec) -> Pose:
-    """A view whose near plane leaves the nearest part of the box's ball, or of what it looks at, in sight."""
-    middle, extent = _middle(mesh)
-    outside = float(np.linalg.norm(eye - middle)) - 0.5 * extent
-    free = max(outside, 0.25 * _CLOSE * float(np.linalg.norm(target - eye)))
-    return Pose(eye, target, _UP, near=NEAR_SHARE * free)
+    def pose(self, eye: Vec, target: Vec) -> Pose:
+        """A view whose near plane leaves the nearest part of the ball, or of what it looks at, in sight."""
+        outside = float(np.linalg.norm(eye - self.middle)) - self.radius
+        free = max(outside, 0.25 * _CLOSE * float(np.linalg.norm(target - eye)))
+        return Pose(eye, target, _UP, near=NEAR_SHARE * free)
 
-
-def _ring(mesh: Mesh, azimuth: float) -> Vec:
-    middle, extent = _middle(mesh)
-    flat = math.cos(_ELEVATION)
-    way = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(_ELEVATION)])
-    return middle + _AWAY * extent * way
+    def ring(self, azimuth: float) -> Vec:
+        """A place on the orbit."""
+        flat = math.cos(_ELEVATION)
+        way = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(_ELEVATION)])
+        return self.middle + _AWAY * self.radius * way
 
 
 def orbit(mesh: Mesh) -> PoseAt:
     """Once round, looking at the middle."""
-    middle, _ = _middle(mesh)
-    return lambda t: _pose(mesh, _ring(mesh, 2.0 * math.pi * t - 0.5 * math.pi), middle)
+    it = _Round(mesh)
+    return lambda t: it.pose(it.ring(2.0 * math.pi * t - 0.5 * math.pi), it.middle)
 
 
 def still(mesh: Mesh) -> PoseAt:
@@ -58,25 +61,24 @@ def still(mesh: Mesh) -> PoseAt:
 def zoom(mesh: Mesh) -> PoseAt:
     """From the whole mesh straight to the vertex that is nearest; the distance left falls by equal factors in equal
     times."""
-    start = _ring(mesh, -0.25 * math.pi)
-    used = np.asarray(mesh.positions)[np.unique(np.asarray(mesh.faces))]
-    spot = used[np.argmin(np.linalg.norm(used - start, axis=1))]
+    it = _Round(mesh)
+    start = it.ring(-0.25 * math.pi)
+    spot = it.vertices[np.argmin(np.linalg.norm(it.vertices - start, axis=1))]
     way = start - spot
-    close = _CLOSE * _middle(mesh)[1] / float(np.linalg.norm(way))
-    return lambda t: _pose(mesh, spot + way * close**t, spot)
+    close = _CLOSE * it.extent / float(np.linalg.norm(way))
+    return lambda t: it.pose(spot + way * close**t, spot)
 
 
 def flyby(mesh: Mesh) -> PoseAt:
     """Straight past the vertex that is farthest to the south-west and up, close to it, looking ahead at it and then
     back."""
-    _, extent = _middle(mesh)
+    it = _Round(mesh)
     out = np.array([-0.5, -0.75, 0.43])
     out /= np.linalg.norm(out)
     along = np.cross(_UP, out)
     along /= np.linalg.norm(along)
-    used = np.asarray(mesh.positions)[np.unique(np.asarray(mesh.faces))]
-    spot = used[np.argmax(used @ out)]
-    return lambda t: _pose(mesh, spot + extent * (_PASS * out + 1.2 * (2.0 * t - 1.0) * along), spot)
+    spot = it.vertices[np.argmax(it.vertices @ out)]
+    return lambda t: it.pose(spot + it.extent * (_PASS * out + 1.2 * (2.0 * t - 1.0) * along), spot)
 
 
 AROUND: dict[str, Callable[[Mesh], PoseAt]] = {"orbit": orbit, "zoom": zoom, "flyby": flyby, "still": still}

@@ -378,7 +378,11 @@ def round_numbers(low: float, high: float, most: int) -> list[float]:
 
     usual = marks((1, 2, 5))
     if len(usual) < 2:
-        return marks((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+        from matplotlib.ticker import MaxNLocator
+
+        finer = marks((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+        even = MaxNLocator(most - 2).tick_values(low, high)
+        return finer if len(finer) > 1 else [value for value in even if low <= value <= high]
     return next((found for found in (usual, marks((1, 3))) if len(found) <= most), marks((1,)))
 
 
@@ -391,33 +395,36 @@ def timeline(result: Any) -> Chart:
     if summary.empty:
         raise InvalidInput("timeline: no finished run")
 
+    wrong = bool((frames["predicted_px"] > 0).any())  # of `full` alone nothing is
+
     def draw(figure: Any, theme: str) -> None:
-        figure.set_size_inches(7.4, 4.6)
-        top, low = figure.subplots(2, 1, sharex=True)
+        figure.set_size_inches(7.4, 4.6 if wrong else 2.6)
+        axes = figure.subplots(1 + wrong, 1, sharex=True, squeeze=False)[:, 0]
         names = summary["run"].tolist()
         colours = _shades(names, summary, theme)
-        for ax, label in ((top, "frame time (ms)"), (low, "error (px)")):
+        ends: list[list[tuple[float, str, str]]] = [[] for _ in axes]
+        for ax, label in zip(axes, ("frame time (ms)", "error (px)"), strict=False):
             ax.set_yscale("log")
             ax.grid(True, axis="y", linewidth=0.6)
             ax.spines[["top", "right"]].set_visible(False)
             ax.set_ylabel(label)
-        ends: dict[Any, list[tuple[float, str, str]]] = {top: [], low: []}
         for name in names:
             rows = frames[frames["run"] == name]
-            top.plot(rows["frame"], rows["frame_ms"], color=colours[name], linewidth=1.2)
-            ends[top].append((float(rows["frame_ms"].iloc[-8:].median()), name, colours[name]))
+            axes[0].plot(rows["frame"], rows["frame_ms"], color=colours[name], linewidth=1.2)
+            ends[0].append((float(rows["frame_ms"].iloc[-8:].median()), name, colours[name]))
             predicted = rows["predicted_px"].to_numpy(float)
             if (predicted > 0).any():
+                low = axes[1]
                 low.plot(rows["frame"], np.where(predicted > 0, predicted, np.nan), color=colours[name], linewidth=1.2)
                 seen = rows[rows["accuracy"] & (rows["measured_px_max"] >= RESOLVED)]
                 low.plot(seen["frame"], seen["measured_px_max"], "o", color=colours[name], markersize=3.5)
-                ends[low].append((float(predicted[-1]), name, colours[name]))
-        low.set_xlabel("frame · lines: predicted bound, points: measured")
+                ends[1].append((float(predicted[-1]), name, colours[name]))
+        axes[-1].set_xlabel("frame · lines: predicted bound, points: measured" if wrong else "frame")
         last = int(frames["frame"].max())
-        for ax in (top, low):
+        for ax, names_at in zip(axes, ends, strict=True):
             ax.set_xlim(0, max(1, last))
             _plain_log(ax)
-            _end_labels(ax, ends[ax], max(1, last))
+            _end_labels(ax, names_at, max(1, last))
 
     return Chart(draw, "frame time and error along the path")
 

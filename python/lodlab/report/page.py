@@ -50,7 +50,11 @@ COLUMNS = (
     ("measured_px_max_worst", "measured<br>px", "number"),
     ("measured_px_p99_worst", "px<br>p99", "number"),
     ("pop_px_max_worst", "pop<br>px", "number"),
-    ("measured_max_worst", "measured<br>m", "number"),
+    ("measured_max_worst", "measured<br>$unit", "number"),
+    ("measured_max_source_to_drawn_worst", "to drawn<br>$unit", "number"),
+    ("measured_max_drawn_to_source_worst", "to source<br>$unit", "number"),
+    ("measured_rms_source_to_drawn_worst", "RMS to<br>drawn", "number"),
+    ("measured_rms_drawn_to_source_worst", "RMS to<br>source", "number"),
     ("psnr_db_worst", "PSNR<br>dB", "number"),
     ("ssim_worst", "SSIM", "number"),
     ("flip_worst", "FLIP", "number"),
@@ -60,10 +64,18 @@ COLUMNS = (
 )
 
 
+def units_of(summary: Any) -> str:
+    """What `source units` are in these runs: metres of heights, a mesh's own."""
+    meshes = summary["source_kind"] == "mesh"
+    return "units" if meshes.all() else "m, units" if meshes.any() else "m"
+
+
 def summary_table(summary: Any, broken: Mapping[str, Sequence[str]] | None = None) -> str:
-    """The runs as an HTML table; columns that these results do not have are left out. `broken`: the laws that runs
-    break, which mark their rows."""
-    columns = [c for c in COLUMNS if c[0] in summary]
+    """The runs as an HTML table; columns that these results do not have, or that are undefined in all of them, are left
+    out. `broken`: the laws that runs break, which mark their rows."""
+    unit = units_of(summary)
+    columns = [(c, title.replace("$unit", unit), kind) for c, title, kind in COLUMNS
+               if c in summary and summary[c].notna().any()]  # fmt: skip
     head = "".join(f'<th title="{html.escape(tooltip(column))}">{title}</th>' for column, title, _ in columns)
     body = []
     for _, row in summary.iterrows():
@@ -245,7 +257,8 @@ def write(directory: str | os.PathLike[str]) -> Path:
         title=html.escape(f"lodlab: {methods} on {sources}"),
         heading=html.escape(f"{methods} on {sources}"),
         subtitle=html.escape(
-            f"{len(summary)} runs, path {_join(Path(p).stem for p in summary['path'])}, "
+            f"{len(summary)} run{'s' if len(summary) > 1 else ''}, "
+            f"path {_join(Path(p).stem for p in summary['path'])}, "
             f"{int(summary['frames'].max())} frames of {size[0]} × {size[1]}, {_join(summary['device'])}"
         ),
         lead=_LEAD,
@@ -298,7 +311,8 @@ def _join(values: Iterable[str]) -> str:
 _LEAD = (
     "Each run flies a camera along a path under a budget. What a frame cost was timed in a pass that reads nothing "
     "back; how wrong it was, was measured afterwards on the triangles that the GPU really emitted, at every sample "
-    "of the source. <b>full</b> draws everything, always: the reference, and the speed to beat."
+    "of the source (of a mesh: at every vertex, and both ways over the surfaces). <b>full</b> draws everything, "
+    "always: the reference, and the speed to beat."
 )
 _PARETO_CAPTION = (
     "A point is a run, labelled with its budget; logarithmic axes. Height: the largest distance on screen between a "

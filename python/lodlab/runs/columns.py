@@ -135,9 +135,8 @@ _PARTS: tuple[tuple[str, Sequence[Column]], ...] = (
 )
 _SUMMARY_NOTE = (
     "The columns that say what a row is about, without `frame`; `budget_met` and `promises_bound` are true when they "
-    "are in every frame, and `gpu_clock` and the hashes stand here too; every option that some run has is a column "
-    "`option.NAME`. Then figures over the frames of the run, named by their "
-    "endings:"
+    "are in every frame, `gpu_clock`, `source_kind` and the hashes stand here too; every option that some run has is a "
+    "column `option.NAME`. Then figures over the frames of the run, named by their endings:"
 )
 
 

@@ -35,6 +35,7 @@ SUMMARY_COLUMNS = (
     + ("store_bytes", "build_seconds", "gpu_clock", "frames", "accuracy_frames")
     + tuple(f"{c}_median_{s}" for c in TIME_COLUMNS for s in ("low", "high"))
     + HASH_COLUMNS
+    + ("source_kind",)
 )
 NOISE_COLUMNS = tuple(column.name for column in NOISE)
 _TABLES = (*KEYS, *EXTRAS, *HASHES, *NOISE)
@@ -101,7 +102,7 @@ def summarize(
         times = np.array([[[r[c] for c in TIME_COLUMNS] for r in rows]], dtype=np.float64)
     for column, (low, high) in zip(TIME_COLUMNS, statistics.median_intervals(times).T.tolist(), strict=True):
         out[f"{column}_median_low"], out[f"{column}_median_high"] = low, high
-    out.update({column: first[column] for column in HASH_COLUMNS})
+    out.update({column: first[column] for column in (*HASH_COLUMNS, "source_kind")})
     out.update({f"{OPTION}{name}": value for name, value in json.loads(first["options"]).items()})
     return out
 
