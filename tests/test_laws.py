@@ -155,7 +155,6 @@ def test_what_is_nan_does_not_hold(law):
 
 OF_FIELDS = {
     "holes": "hole_samples",
-    "winding": "inverted_triangles",
     "fillers": "slanted_filler_triangles",
     "raised": "raised_filler_triangles",
 }

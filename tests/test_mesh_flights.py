@@ -51,10 +51,12 @@ def test_a_run_of_a_mesh_measures_it_and_makes_a_report(tmp_path: Path) -> None:
     measured = run.frames[run.frames["accuracy"]]
     assert (measured["measured_px_max"] <= 0.01).all() and (measured["crack_edges"] == 0).all()
     assert (measured["measured_samples"] == mesh.samples).all() and (measured["pop_px_max"].dropna() == 0).all()
-    assert measured[["hole_samples", "inverted_triangles"]].isna().all().all()
+    assert measured[["hole_samples", "slanted_filler_triangles", "raised_filler_triangles"]].isna().all().all()
+    assert (measured["inverted_triangles"] == 0).all()
     assert (run.frames["source_kind"] == "mesh").all()
     found = {v.law: v.verdict for v in lod.laws.judge(run.frames)}
-    assert not {"holes", "winding", "fillers", "raised"} & found.keys() and set(found.values()) <= {"holds", "open"}
+    assert not {"holes", "fillers", "raised"} & found.keys() and found["winding"] == "holds"
+    assert set(found.values()) <= {"holds", "open"}
     page = (tmp_path / "run" / "report.html").read_text()
     assert "torus" in page and "measured<br>units" in page and "to source<br>units" in page and "<br>m<" not in page
     again = lod.open(store.path)

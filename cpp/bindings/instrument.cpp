@@ -284,7 +284,7 @@ void bind_measurement(py::module_& m) {
   column("flip", &Measurement::flip, "Mean FLIP error against the reference, 0 when equal.");
   column("pop_px_max", &Measurement::pop_px_max, "Largest jump from the cut before, this view, pixels.");
   column("pop_area", &Measurement::pop_area, "Share of pixels that jump more than one pixel.");
-  count("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
+  column("inverted_triangles", &Measurement::inverted_triangles, "Surface triangles wound the wrong way.");
   column("optimum_gap", &Measurement::optimum_gap, "predicted_px over the optimum of the hierarchy, less 1.");
   count("slanted_filler_triangles", &Measurement::slanted_filler_triangles, "Fillers that are not vertical.");
   count("raised_filler_triangles", &Measurement::raised_filler_triangles,

@@ -53,10 +53,15 @@ double measure(const Triangle& t, const glm::dvec3& point, glm::dvec3& closest) 
   return best;
 }
 
+/// The radius of a query that loses nothing within a scaled distance. `reach`: what floats round at, scaled.
+float padded(double distance, double reach) {
+  return static_cast<float>(distance + kFloatSlack * (reach + distance));
+}
+
 struct Search {
   const WeldedMesh& mesh;
   glm::dvec3 point;
-  double scale, reach;  ///< reach: what floats round at, scaled
+  double scale, reach;
   double squared = std::numeric_limits<double>::infinity();
   glm::dvec3 closest{std::numeric_limits<double>::quiet_NaN()};
   uint32_t triangle = kNoTriangle;
@@ -69,10 +74,7 @@ struct Search {
     closest = at;
     triangle = candidate;
   }
-  float radius() const {
-    const double distance = scale * std::sqrt(squared);
-    return static_cast<float>(distance + kFloatSlack * (reach + distance));
-  }
+  float radius() const { return padded(scale * std::sqrt(squared), reach); }
 };
 
 bool visit(RTCPointQueryFunctionArguments* arguments) {
@@ -81,6 +83,26 @@ bool visit(RTCPointQueryFunctionArguments* arguments) {
   search.consider(arguments->primID);
   if (!(search.squared < before)) return false;
   arguments->query->radius = search.radius();
+  return true;
+}
+
+struct Looking {
+  const WeldedMesh& mesh;
+  glm::dvec3 point;
+  double distance;
+  const std::function<bool(uint32_t)>& is;
+  bool found = false;
+};
+
+bool look(RTCPointQueryFunctionArguments* arguments) {
+  auto& looking = *static_cast<Looking*>(arguments->userPtr);
+  const uint32_t candidate = arguments->primID;
+  if (looking.found ||
+      closest_on_triangle(looking.mesh.triangle(candidate), looking.point).distance > looking.distance ||
+      !looking.is(candidate))
+    return false;
+  looking.found = true;
+  arguments->query->radius = 0.0f;
   return true;
 }
 
@@ -99,6 +121,18 @@ void bound(const RTCBoundsFunctionArguments* arguments) {
   RTCBounds& out = *arguments->bounds_o;
   out.lower_x = down(box.lo.x), out.lower_y = down(box.lo.y), out.lower_z = down(box.lo.z);
   out.upper_x = up(box.hi.x), out.upper_y = up(box.hi.y), out.upper_z = up(box.hi.z);
+}
+
+void query(RTCScene scene, const glm::dvec3& scaled, float radius, RTCPointQueryFunction visitor,
+           void* user) {
+  RTCPointQuery query{};
+  query.x = static_cast<float>(scaled.x);
+  query.y = static_cast<float>(scaled.y);
+  query.z = static_cast<float>(scaled.z);
+  query.radius = radius;
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(scene, &query, &context, visitor, user);
 }
 
 double largest(const glm::dvec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
@@ -181,15 +215,17 @@ Closest MeshSurface::closest(const glm::dvec3& point, uint32_t hint) const {
   const glm::dvec3 scaled = scale_ * point;
   Search search{mesh_, point, scale_, 1.0 + largest(scaled)};
   if (hint != kNoTriangle) search.consider(hint);
-  RTCPointQuery query{};
-  query.x = static_cast<float>(scaled.x);
-  query.y = static_cast<float>(scaled.y);
-  query.z = static_cast<float>(scaled.z);
-  query.radius = search.radius();
-  RTCPointQueryContext context;
-  rtcInitPointQueryContext(&context);
-  rtcPointQuery(scene_->scene, &query, &context, &visit, &search);
+  query(scene_->scene, scaled, search.radius(), &visit, &search);
   return {std::sqrt(search.squared), search.closest, search.triangle};
+}
+
+bool MeshSurface::any_within(const glm::dvec3& point, double distance,
+                             const std::function<bool(uint32_t)>& is) const {
+  if (scene_ == nullptr) return false;
+  const glm::dvec3 scaled = scale_ * point;
+  Looking looking{mesh_, point, distance, is};
+  query(scene_->scene, scaled, padded(scale_ * distance, 1.0 + largest(scaled)), &look, &looking);
+  return looking.found;
 }
 
 }  // namespace lodlab

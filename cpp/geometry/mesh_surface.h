@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <limits>
 #include <memory>
@@ -58,6 +59,10 @@ class MeshSurface {
   /// Infinitely far, without a triangle, when the mesh is empty. `hint`: a triangle that may be close, which
   /// saves time and changes nothing. Any number of threads may ask at once.
   Closest closest(const glm::dvec3& point, uint32_t hint = kNoTriangle) const;
+
+  /// Whether one of the triangles within a distance is as asked.
+  bool any_within(const glm::dvec3& point, double distance,
+                  const std::function<bool(uint32_t triangle)>& is) const;
 
  private:
   struct Scene;

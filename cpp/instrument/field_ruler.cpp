@@ -196,7 +196,7 @@ int64_t FieldRuler::crack_edges(const render::Captured& captured, const NodeBoun
   return instrument::crack_edges(grid_, captured);
 }
 
-std::optional<Orientation> FieldRuler::orientation(const render::Captured& captured) const {
+Orientation FieldRuler::orientation(const render::Captured& captured, const NodeBound&) const {
   return instrument::orientation(grid_, captured);
 }
 

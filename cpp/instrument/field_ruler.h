@@ -22,7 +22,7 @@ class FieldRuler final : public Ruler {
   std::unique_ptr<Laid> lay(Shown shown) const override;
   bool has_holes() const override { return true; }
   int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const override;
-  std::optional<Orientation> orientation(const render::Captured& captured) const override;
+  Orientation orientation(const render::Captured& captured, const NodeBound& bound) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;
   bool has_voids() const override { return source_->has_voids(); }
   double slack(const glm::dvec3& eye) const override;

@@ -43,8 +43,8 @@ Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<con
   std::function<render::Captured()> before;
   if (subject_.draw_before)
     before = [this] { return render::capture(subject_.camera, subject_.draw_before, true); };
-  laid_ = ruler_->lay(
-      {camera, [this]() -> const render::Captured& { return whole(); }, before, subject_.drawn_by});
+  laid_ = ruler_->lay({camera, [this]() -> const render::Captured& { return whole(); }, before,
+                       subject_.drawn_by, subject_.bound});
   if (!subject_.pictures) subject_.reference = nullptr;
   if (subject_.reference != nullptr) check_view(*subject_.reference, subject_.camera);
 }
@@ -75,18 +75,8 @@ std::optional<int64_t> Measurement::hole_samples() {
   return laid_->samples().holes;
 }
 
-std::optional<int64_t> Measurement::inverted_triangles() {
-  if (!orientation()) return std::nullopt;
-  return orientation()->inverted;
-}
-
-std::optional<int64_t> Measurement::slanted_filler_triangles() {
-  if (!orientation()) return std::nullopt;
-  return orientation()->slanted_fillers;
-}
-
-const std::optional<Orientation>& Measurement::orientation() {
-  return kept(orientation_, [&] { return ruler_->orientation(whole()); });
+const Orientation& Measurement::orientation() {
+  return kept(orientation_, [&] { return ruler_->orientation(whole(), subject_.bound); });
 }
 
 // Figures over pixels ---------------------------------------------------------------------------------------

@@ -64,8 +64,8 @@ class Measurement {
   double flip();
   double pop_px_max() { return laid_->jump_px_max(); }
   double pop_area();
-  std::optional<int64_t> inverted_triangles();
-  std::optional<int64_t> slanted_filler_triangles();
+  int64_t inverted_triangles() { return orientation().inverted; }
+  std::optional<int64_t> slanted_filler_triangles() { return orientation().slanted_fillers; }
   std::optional<int64_t> raised_filler_triangles() { return laid_->raised_fillers(); }
   double measured_max_source_to_drawn() { return laid_->two_sided().max_to_drawn; }
   double measured_max_drawn_to_source() { return laid_->two_sided().max_to_source; }
@@ -86,7 +86,7 @@ class Measurement {
   bool compares();  // with the reference picture
   const PixelError& pixels();
   const CrackPixels& cracks();
-  const std::optional<Orientation>& orientation();
+  const Orientation& orientation();
 
   std::shared_ptr<const Ruler> ruler_;
   std::shared_ptr<const render::Surface> resources_;
@@ -96,7 +96,7 @@ class Measurement {
   std::optional<render::Picture> drawn_;
   std::optional<PixelError> pixels_;
   std::optional<CrackPixels> cracks_;
-  std::optional<std::optional<Orientation>> orientation_;
+  std::optional<Orientation> orientation_;
   std::optional<double> px_max_;
 };
 

@@ -62,6 +62,43 @@ std::map<uint32_t, WeldedMesh> by_node(const DrawnMesh& drawn) {
   return out;
 }
 
+/// Which node is held to a point of the source. Where several nodes meet or overlap, the closest surface may
+/// be one of a smaller bound than that of the node that stands for the point.
+class Keepers {
+ public:
+  Keepers(const std::map<uint32_t, WeldedMesh>& parts, const NodeBound& bound, double slack)
+      : bound_(bound), slack_(slack) {
+    for (const auto& [node, mesh] : parts) {
+      Part& part = parts_.emplace_back(Part{node, bound(node), &mesh, {}, nullptr});
+      for (const glm::dvec3& p : mesh.positions) part.box.add(p);
+    }
+  }
+  /// The closest node and its distance, or another that keeps its bound where that one does not.
+  NodeError of(const glm::dvec3& point, const NodeError& closest) {
+    if (closest.max <= bound_(closest.node) + slack_) return closest;
+    for (Part& part : parts_) {
+      const double reach = part.bound + slack_;
+      if (closest.max > reach || distance(part.box, point) > reach) continue;
+      if (part.surface == nullptr) part.surface = std::make_unique<MeshSurface>(*part.mesh);
+      const double found = part.surface->closest(point).distance;
+      if (found <= reach) return {part.node, found};
+    }
+    return closest;
+  }
+
+ private:
+  struct Part {
+    uint32_t node;
+    double bound;
+    const WeldedMesh* mesh;
+    Box box;
+    std::unique_ptr<MeshSurface> surface;
+  };
+  std::vector<Part> parts_;
+  const NodeBound& bound_;
+  double slack_;
+};
+
 class LaidOnMesh final : public Laid {
  public:
   LaidOnMesh(const MeshRuler& ruler, Shown shown) : ruler_(ruler), shown_(std::move(shown)) {}
@@ -150,8 +187,9 @@ class LaidOnMesh final : public Laid {
   std::optional<TwoSided> two_sided_;
 };
 
-/// From what a node draws: its own distance. To it: from the source's vertices that are closest to it; where
-/// one node draws all, from everywhere.
+/// From what a node draws: its own distance. To it: from the source's vertices that are closest to it, but
+/// for those that are beyond its bound and within another's of that one; where one node draws all, from
+/// everywhere.
 std::vector<NodeError> LaidOnMesh::node_errors() {
   const DrawnMesh& drawn = now();
   std::map<uint32_t, double> largest;
@@ -164,9 +202,12 @@ std::vector<NodeError> LaidOnMesh::node_errors() {
       const int64_t most = int64_t{1} << 24;
       largest[node] = surface_distance(part, there, ruler_.surface(), extent(drawn.mesh), most).max;
     }
-    for (const Closest& closest : at_source()) {
-      double& seen = largest[drawn.nodes[closest.triangle]];
-      seen = std::max(seen, closest.distance);
+    Keepers keepers(parts, shown_.bound, ruler_.slack(shown_.camera.eye));
+    for (size_t i = 0; i < at_source().size() && !parts.empty(); ++i) {
+      const Closest& closest = at_source()[i];
+      const NodeError kept =
+          keepers.of(ruler_.surface().mesh().positions[i], {drawn.nodes[closest.triangle], closest.distance});
+      largest[kept.node] = std::max(largest[kept.node], kept.max);
     }
   }
   std::vector<NodeError> out;
@@ -233,6 +274,10 @@ int64_t MeshRuler::crack_edges(const render::Captured& captured, const NodeBound
     }
     return true;
   });
+}
+
+Orientation MeshRuler::orientation(const render::Captured& captured, const NodeBound& bound) const {
+  return instrument::orientation(surface(), centre_, captured, bound);
 }
 
 bool MeshRuler::stands_free(const render::Captured& captured, const Camera& camera) const {

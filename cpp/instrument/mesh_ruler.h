@@ -23,7 +23,7 @@ class MeshRuler final : public Ruler {
   /// edges of the source that are not there once in each direction. As often one way as the other is no
   /// crack: sheets touch.
   int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const override;
-  std::optional<Orientation> orientation(const render::Captured&) const override { return std::nullopt; }
+  Orientation orientation(const render::Captured& captured, const NodeBound& bound) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;
   bool has_voids() const override { return false; }
   double slack(const glm::dvec3& eye) const override;

@@ -30,6 +30,8 @@ struct Shown {
   std::function<const render::Captured&()> now;
   std::function<render::Captured()> before;  ///< the cut of the frame before; may be empty
   std::string drawn_by;                      ///< for messages
+  /// How far a node's surface may be from the source.
+  NodeBound bound = [](uint32_t) { return 0.0; };
 };
 
 /// Where the points of a row correspond to, on another surface; NaN where they correspond to nothing.
@@ -59,8 +61,6 @@ class Laid {
   virtual Correspondence to_source() = 0;
 };
 
-using NodeBound = std::function<double(uint32_t node)>;  ///< source units
-
 class Ruler {
  public:
   virtual ~Ruler() = default;
@@ -72,11 +72,10 @@ class Ruler {
 
   /// Whether a sample may have no correspondent: what is missing shows as a hole there.
   virtual bool has_holes() const = 0;
-  /// Directed edges without exactly one opposite, those on the source's own border left out. `bound`: how far
-  /// a node's surface may be from the source, which moves that border.
+  /// Directed edges without exactly one opposite, those on the source's own border left out, which `bound`
+  /// moves.
   virtual int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const = 0;
-  /// Nothing where the source has no up.
-  virtual std::optional<Orientation> orientation(const render::Captured& captured) const = 0;
+  virtual Orientation orientation(const render::Captured& captured, const NodeBound& bound) const = 0;
   /// Whether the drawn surface leaves the eye free, so that its inside is seen through cracks alone.
   virtual bool stands_free(const render::Captured& captured, const Camera& camera) const = 0;
   /// Whether pictures of classes show voids as filled.

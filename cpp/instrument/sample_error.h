@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct TwoSided {
          rms_to_drawn = kUndefined;  ///< from the source; inf where nothing is drawn
   double max_to_source = kUndefined, rms_to_source = kUndefined;  ///< from what is drawn
 };
+
+using NodeBound = std::function<double(uint32_t node)>;  ///< source units
 
 /// Without projection: the whole cut.
 SampleError sample_error(const HeightField& field, const DrawnSurface& surface);

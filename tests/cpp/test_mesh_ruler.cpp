@@ -81,6 +81,14 @@ Arrays moved(Arrays arrays, const glm::dvec3& by) {
   return arrays;
 }
 
+Arrays both(const Arrays& a, const Arrays& b) {
+  Arrays out = a;
+  const auto first = static_cast<uint32_t>(a.positions.size());
+  out.positions.insert(out.positions.end(), b.positions.begin(), b.positions.end());
+  for (const Face& face : b.faces) out.faces.push_back({face[0] + first, face[1] + first, face[2] + first});
+  return out;
+}
+
 double unbound(uint32_t) { return 0.0; }
 
 }  // namespace
@@ -159,15 +167,56 @@ TEST_CASE("each node has its own largest distance; a source vertex counts for th
   Arrays low = source, high = source;
   low.faces.resize(4);
   high.faces.erase(high.faces.begin(), high.faces.begin() + 4);
-  const auto both =
+  const auto parts =
       together(captured(low, camera.eye, 3), captured(moved(high, {0.0, 0.0, 0.125}), camera.eye, 7));
-  const auto laid = lay(ruler, camera, both);
+  const auto laid = lay(ruler, camera, parts);
   const auto errors = laid->node_errors();
   REQUIRE(errors.size() == 2);
   CHECK(errors[0].node == 3);
   CHECK(errors[0].max == Approx(0.0));
   CHECK(errors[1].node == 7);
   CHECK(errors[1].max == Approx(0.125));
+}
+
+TEST_CASE("a source vertex that the closest node is no bound for counts for another that keeps its own") {
+  const Arrays low = plate(2), high = moved(plate(2), {0.0, 0.0, 0.1});
+  const MeshRuler ruler(mesh_from(both(low, high)));
+  const Camera camera = above({0.5, 0.5, 2.0});
+  // Node 0 stands for the low plate, and is drawn above the high one, which node 1 draws.
+  const render::Captured now =
+      together(captured(moved(low, {0.0, 0.0, 0.2}), camera.eye, 0), captured(high, camera.eye, 1));
+  Shown shown{camera, [&]() -> const render::Captured& { return now; }, {}, "test"};
+  const auto errors = [&](double bound) {
+    shown.bound = [bound](uint32_t node) { return node == 0 ? bound : 0.0; };
+    const std::vector<NodeError> found = ruler.lay(shown)->node_errors();
+    REQUIRE(found.size() == 2);
+    return std::pair(found[0].max, found[1].max);
+  };
+  CHECK(errors(0.2).first == Approx(0.2));
+  CHECK(errors(0.2).second == Approx(0.0));
+  CHECK(errors(0.19).first == Approx(0.1));  // from what it draws to the high plate
+  CHECK(errors(0.19).second == Approx(0.1));
+  const render::Captured nothing{camera.eye, {}};
+  CHECK(lay(ruler, camera, nothing)->node_errors().empty());
+}
+
+TEST_CASE("a triangle faces as the source does; of a sheet thinner than its bound nothing is said") {
+  const Arrays up = plate(2);
+  Arrays down = moved(up, {0.0, 0.0, -0.1}), turned = up;
+  for (Face& face : down.faces) std::swap(face[0], face[1]);
+  std::swap(turned.faces[3][0], turned.faces[3][1]);
+  const glm::dvec3 eye(0.5, 0.5, 2.0);
+  const MeshRuler sheet(mesh_from(both(up, down)));
+  const auto inverted = [&](const Arrays& drawn, double bound) {
+    const Orientation found = sheet.orientation(captured(drawn, eye), [bound](uint32_t) { return bound; });
+    CHECK_FALSE(found.slanted_fillers.has_value());
+    return found.inverted;
+  };
+  CHECK(inverted(both(up, down), 0.0) == 0);
+  CHECK(inverted(turned, 0.0) == 1);
+  CHECK(inverted(moved(turned, {0.0, 0.0, 0.01}), 0.0) == 0);  // beyond its bound: that is said elsewhere
+  CHECK(inverted(moved(turned, {0.0, 0.0, 0.01}), 0.02) == 1);
+  CHECK(inverted(turned, 0.11) == 0);
 }
 
 TEST_CASE("pixels see the closest point of the other surface") {

@@ -66,7 +66,8 @@ def test_measures_nothing(name: str, tmp_path: Path) -> None:
     assert row["crack_edges"] == row["pop_px_max"] == row["pop_area"] == row["capture_mismatch_pixels"] == 0
     assert row["crack_pixels"] == 0 or np.isnan(row["crack_pixels"])
     assert row["psnr_db"] == np.inf and row["flip"] == 0
-    assert np.isnan(row["hole_samples"]) and np.isnan(row["inverted_triangles"])  # a mesh has no holes, and no up
+    assert row["inverted_triangles"] == 0
+    assert np.isnan(row["hole_samples"]) and np.isnan(row["slanted_filler_triangles"])  # no holes, and no up
     assert row["drawn_triangles"] == flown.cut.triangles == len(mesh.faces)
 
 

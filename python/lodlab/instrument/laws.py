@@ -312,7 +312,6 @@ LAWS: tuple[Law, ...] = (
         _WOUND,
         ("inverted_triangles",),
         _none_of("inverted_triangles", _WOUND, "triangles inverted"),
-        not_on=("mesh",),
     ),
     Law(
         "fillers",
