@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -190,6 +191,20 @@ def test_full_has_nothing_to_choose(field, tmp_path):
     assert fit.worst_px <= _core.SLACK_PIXELS
     fit = fitted(field, tmp_path, limit=1e-9, method="full", options={}, force=True)
     assert not fit.reached
+
+
+def test_a_mesh_is_fitted_on_its_orbit(tmp_path):
+    mesh = lod.datasets.load("torus:rings=24,sides=12")
+    fit = fitted(mesh, tmp_path, method="full", options={}, out=tmp_path / "run")
+    assert fit.reached and fit.path == "orbit" and fit.worst_px <= _core.SLACK_PIXELS
+    assert (fit.run.frames["path"] == "orbit").all() and fit.run.frames["accuracy"].all()
+
+
+@pytest.mark.parametrize(("kind", "extent"), [("mesh", 8.0), ("heightfield", 3.0)])
+def test_rungs_go_down_from_the_extent_of_a_mesh_and_the_relief_of_a_field(kind, extent):
+    source = SimpleNamespace(kind=kind, extent=extent, heights=np.array([[1.0, 4.0]]))
+    rungs = fitting._rungs(source, "chunked")
+    assert rungs[0] <= extent < 1.5 * rungs[0] and rungs[-1] == 0.0
 
 
 def test_triangles_where_a_method_has_no_pixel_error(field, tmp_path, monkeypatch):

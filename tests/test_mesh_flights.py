@@ -80,3 +80,13 @@ def test_a_mesh_without_a_path_is_orbited_and_ground_is_flown_over(tmp_path: Pat
         assert (run.frames["path"] == path).all()
     made = lod.compare("icosphere:level=2", methods=["full"], out=tmp_path / "all", **few)
     assert (made.frames["path"] == "orbit").all()
+
+
+@pytest.mark.parametrize(
+    ("sources", "path"),
+    [(["fractal:size=33"], "flyover"), (["torus"], "orbit"), (["fractal:size=33", "torus"], "orbit")],
+)
+def test_a_sweep_without_paths_takes_that_of_its_sources(sources: list[str], path: str) -> None:
+    few = {"frames": 2, "size": [64, 64], "accuracy_frames": 0, "images": "none"}
+    made = lod.sweep({"sources": sources, "methods": ["full"], **few}, progress=False)
+    assert (made.summary["path"] == path).all() and len(made.summary) == len(sources)

@@ -79,7 +79,7 @@ def fly(
         _core.choose_device(device)
     if images not in (None, "none") and out is None:
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
-    path = default_path(store.source_kind) if isinstance(path, str) and not path else path
+    path = path or default_path(store.source_kind)
     track = make_path(path, store.source if over_source(path) else None, frames, fov)
     flight = Flight(
         name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
@@ -175,6 +175,8 @@ def sweep(
     owner = _Owner()
     with RunDirectory(temporary_folder(owner) if out is None else out) as directory:
         workshop = Workshop(directory.path, given, progress, None if stores is None else Path(stores))
+        if "paths" not in wanted:
+            frozen["paths"] = [workshop.path_of(frozen["sources"])]
         frozen = take_in(frozen, directory, workshop, paths or {}, beside)
         check_tasks(plan(frozen), workshop)
         called = f"configuration{f' {config}' if beside else ''}"
@@ -227,7 +229,7 @@ def compare(
     Other parameters as `lodlab.fly` and `lodlab.sweep`.
     """
     field = as_source(source)
-    path = default_path(field.kind) if isinstance(path, str) and not path else path
+    path = path or default_path(field.kind)
     name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
     chosen = {k: _several(v) for k, v in budgets.items() if v is not None and _several(v)}
@@ -272,7 +274,7 @@ def fit(
     store_path: str | os.PathLike[str],
     *,
     pixel_error: float,
-    path: Any = "flyover",
+    path: Any = "",
     frames: int = 120,
     size: tuple[int, int] = (1280, 720),
     fov: float | None = None,

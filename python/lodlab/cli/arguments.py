@@ -43,14 +43,16 @@ Method = Annotated[
     ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
-_PATH = typer.Option(
-    "--path",
-    metavar="NAME|FILE",
-    help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still.",
-    autocompletion=completing(lambda: NAMES),
-)
-PathText = Annotated[str, _PATH]
-OwnPathText = Annotated[str | None, _PATH]  # None: flyover, or orbit around a mesh
+PathText = Annotated[
+    str | None,
+    typer.Option(
+        "--path",
+        metavar="NAME|FILE",
+        help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still "
+        "[default: flyover, orbit around a mesh].",
+        autocompletion=completing(lambda: NAMES),
+    ),
+]
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
 Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
 Fov = Annotated[

@@ -25,7 +25,7 @@ from .arguments import (
     Nodes,
     OptionTexts,
     OutFolder,
-    OwnPathText,
+    PathText,
     PixelError,
     Repeat,
     Size,
@@ -50,7 +50,7 @@ commands = typer.Typer()
 def fly_command(
     store: StoreFile,
     out: OutFolder,
-    path: OwnPathText = None,
+    path: PathText = None,
     frames: Frames = 120,
     size: Size = "1280x720",
     fov: Fov = None,
@@ -123,7 +123,7 @@ def compare_command(
     option: Annotated[
         list[str] | None, typer.Option("-o", metavar="METHOD.NAME=VALUE", help="An option; may be repeated.")
     ] = None,
-    path: OwnPathText = None,
+    path: PathText = None,
     frames: Frames = 120,
     size: Size = "1280x720",
     fov: Fov = None,

@@ -145,7 +145,7 @@ def fit(
     method: Method,
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
     pixel_error: Annotated[float, typer.Option("--pixel-error", metavar="E", help="Limit of the measured error, px.")],
-    path: PathText = "flyover",
+    path: PathText = None,
     frames: Frames = 120,
     size: Size = "1280x720",
     fov: Fov = None,
@@ -163,10 +163,10 @@ def fit(
     that was reached when nothing does. Ends with the two lines that fly the answer and check it.
     """
     found = lodlab.fit(
-        source, method, store, pixel_error=pixel_error, path=path, frames=frames, size=size_of(size), fov=fov,
+        source, method, store, pixel_error=pixel_error, path=path or "", frames=frames, size=size_of(size), fov=fov,
         out=out, force=force, **options_from(option),
     )  # fmt: skip
-    flight = ["--path", path, "--frames", str(found.frames), "--size", size]
+    flight = [*([] if path is None else ["--path", path]), "--frames", str(found.frames), "--size", size]
     flight += [] if fov is None else ["--fov", tables.cell(fov)]
     lines = fit_lines(found, out or store.with_suffix(".run"), flight) if found.reached else []
     if json_:

@@ -4,7 +4,7 @@
 A TOML file, or a dict of the same shape:
 
     sources = ["jacksboro"]          # SOURCE texts
-    paths = ["flyover"]              # built-in names or key-frame files
+    paths = ["flyover"]              # built-in names or key-frame files; left out: flyover, orbit where one is a mesh
     frames = 120                     # per path
     size = [1280, 720]               # pixels
     fov = 60.0                       # horizontal, degrees; left out: key-frame files' own, or 60

@@ -5,11 +5,11 @@ a limit on every frame.
 Measured, not promised: the store that is chosen is coarser than its bounds alone would allow, so that its budget may
 go unmet where the path comes near, though the error is within the limit there. `Fit` counts those frames.
 
-Two ladders: `finest_error` in steps of sqrt 2 from the source's relief down to lossless, and the budget in steps
-of 10 %. A rung that holds is taken to hold finer and tighter as well, so that bisection finds the first one; what
-it ends on, and both its neighbours, are measured. Bytes count first: the coarsest rung that holds under any budget,
-then the loosest budget that holds on it. What holds on the path's frames is verified on a sampling four times as
-dense; a frame above the limit there belongs to the tested ones from then on, and the search goes on.
+Two ladders: `finest_error`, where the method has it, in steps of sqrt 2 from the source's relief down to lossless,
+and the budget in steps of 10 %. A rung that holds is taken to hold finer and tighter as well, so that bisection finds
+the first one; what it ends on, and both its neighbours, are measured. Bytes count first: the coarsest rung that holds
+under any budget, then the loosest budget that holds on it. What holds on the path's frames is verified on a sampling
+four times as dense; a frame above the limit there belongs to the tested ones from then on, and the search goes on.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ import numpy as np
 from .. import _core
 from ..disk import temporary_folder
 from ..errors import InvalidInput
-from ..paths.path import CameraPath, make_path
+from ..paths.path import CameraPath, default_path, make_path
+from ..sources.base import Source
 from ..sources.datasets import as_source
-from ..sources.heightfield import HeightField
 from ..stores.build import store_for
 from ..stores.methods import check_accepts, method_table, options_of, still
 from ..stores.store import Store, open
@@ -101,22 +101,22 @@ def search(
     store_path: str | os.PathLike[str],
     *,
     pixel_error: float,
-    path: Any = "flyover",
-    frames: int = 120,
-    size: tuple[int, int] = (1280, 720),
-    fov: float | None = None,
-    force: bool = False,
-    progress: bool = True,
+    path: Any,
+    frames: int,
+    size: tuple[int, int],
+    fov: float | None,
+    force: bool,
+    progress: bool,
     **options: Any,
 ) -> Fit:
     """The store and budget that `lodlab.fit` answers with, found and written to `store_path`; its parameters."""
     limit = _limit(pixel_error)
     build_options, draw_options = _split(method, options)
     target = _target(store_path, force)
-    field = as_source(source)
-    check_accepts(field, method)
-    track = make_path(path, field, frames, fov)
-    search = _Search(field, method, build_options, draw_options, limit, track, size, fov, progress)
+    source = as_source(source)
+    check_accepts(source, method)
+    track = make_path(path or default_path(source.kind), source, frames, fov)
+    search = _Search(source, method, build_options, draw_options, limit, track, size, fov, progress)
     with search.bar:
         return search.run(target)
 
@@ -174,13 +174,15 @@ def check_out(out: str | os.PathLike[str] | None, force: bool) -> None:
         raise InvalidInput(f"fit: {folder} holds runs already; choose another folder, or force=True to add to them")
 
 
-def _rungs(field: HeightField, method: str) -> list[float | None]:
-    """`finest_error`, coarsest first: powers of sqrt 2 from the relief down, then 0 where the method allows it."""
+def _rungs(source: Source, method: str) -> list[float | None]:
+    """`finest_error`, coarsest first: powers of sqrt 2 from the relief (of meshes the extent) down, then 0 where the
+    method allows it; None alone where it has no such option."""
     option = next((o for o in method_table(method)["options"] if o["name"] == "finest_error"), None)
     if option is None:
         return [None]
     low, high = option["range"]
-    relief = float(np.nanmax(field.heights) - np.nanmin(field.heights))
+    mesh = source.kind == "mesh"
+    relief = source.extent if mesh else float(np.nanmax(source.heights) - np.nanmin(source.heights))
     rungs: list[float | None] = []
     if relief > 0:
         top = math.floor(2 * math.log2(relief))
@@ -221,7 +223,7 @@ class _Search:
 
     def __init__(
         self,
-        field: HeightField,
+        source: Source,
         method: str,
         build_options: Mapping[str, Any],
         draw_options: Mapping[str, Any],
@@ -233,12 +235,12 @@ class _Search:
     ):
         from ..progress import tqdm
 
-        self.instrument = _core.Instrument(field.core, None)
-        self.field, self.method, self.limit, self.track = field, method, limit, track
+        self.instrument = _core.Instrument(source.core, None)
+        self.source, self.method, self.limit, self.track = source, method, limit, track
         self.build_options, self.given = build_options, draw_options
         self.draw_options = still(method, draw_options)
-        self.rungs = _rungs(field, method)
-        self.steps = _budgets(method, limit, field.samples)
+        self.rungs = _rungs(source, method)
+        self.steps = _budgets(method, limit, source.samples)
         dense = track.dense(DENSER)
         self.dense = dense
         self.views = list(dense.views(size, fov))
@@ -307,7 +309,7 @@ class _Search:
     def store(self, rung: int) -> Store:
         chosen = {} if self.rungs[rung] is None else {"finest_error": self.rungs[rung]}
         options = {**self.build_options, **chosen}
-        return store_for(self.field, self.method, options, self.folder, progress=self.progress)
+        return store_for(self.source, self.method, options, self.folder, progress=self.progress)
 
     def session(self, rung: int) -> Any:
         """The session of a rung; one is open at a time, because each holds its store on the GPU."""
@@ -323,7 +325,7 @@ class _Search:
             raise InvalidInput(f"fit: no frame of path {self.track.name} sees the source")
         cuts = [self.cut(rung, step, frame) for frame in self.base]
         _place(self.store(rung).path, target)
-        store = open(target, self.field)
+        store = open(target, self.source)
         return Fit(
             store=store,
             reached=reached,

@@ -10,7 +10,7 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import connection
@@ -22,7 +22,7 @@ from ..disk import rasters, short_hash
 from ..errors import InvalidInput
 from ..instrument import statistics
 from ..instrument.yardstick import Yardstick, look_of
-from ..paths.path import NAMES, CameraPath, make_path, poses_hash
+from ..paths.path import NAMES, CameraPath, default_path, make_path, poses_hash
 from ..sources.base import Source
 from ..sources.datasets import DATASETS
 from ..sources.spec import parse
@@ -50,6 +50,11 @@ class Workshop:
         self._name: str | None = None
         self._source: Source | None = None
         self._yardsticks: dict[str, Yardstick] = {}
+
+    def path_of(self, names: Iterable[str]) -> str:
+        """The path of sources for which none is named: their own, and the orbit, which all have, where those differ."""
+        own = {default_path(self.source(name).kind) for name in names}
+        return own.pop() if len(own) == 1 else "orbit"
 
     def source(self, name: str) -> Source:
         """The source of a task, loaded once while tasks of the same source follow each other."""
