@@ -8,11 +8,13 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <optional>
 #include <variant>
 
 #include "base/errors.h"
 #include "bindings/session.h"
 #include "gl/context.h"
+#include "instrument/captured.h"
 #include "instrument/field_ruler.h"
 #include "instrument/mesh_ruler.h"
 #include "instrument/picture_difference.h"
@@ -145,6 +147,27 @@ class PyInstrument {
     subject.pictures = pictures;
     return std::make_shared<PyMeasurement>(std::move(parts), std::move(before), ruler_, resources(),
                                            std::move(subject));
+  }
+
+  std::shared_ptr<PyMeasurement> examine_triangles(std::span<const Triangle> triangles,
+                                                   std::span<const uint8_t> fillers,
+                                                   const std::optional<View>& view,
+                                                   std::shared_ptr<const Reference> reference) {
+    instrument::Subject subject;
+    if (view) subject.camera = make_camera(*view);
+    if (!view) subject.camera.eye = ruler_->middle();
+    auto captured = std::make_shared<render::Captured>(
+        instrument::captured_from(triangles, fillers, subject.camera.eye));
+    const auto* field = dynamic_cast<const instrument::FieldRuler*>(ruler_.get());
+    if (view && field != nullptr && field->has_voids())
+      instrument::place_on_grid(*captured, field->grid(), subject.camera);
+    const auto surface = view ? resources() : nullptr;
+    if (view) subject.draw = render::redraw(captured, surface);
+    subject.captured = std::move(captured);
+    subject.on_screen = subject.pictures = view.has_value();
+    subject.drawn_by = "triangles";
+    subject.reference = std::move(reference);
+    return std::make_shared<PyMeasurement>(Parts(), Parts(), ruler_, surface, std::move(subject));
   }
 
  private:
@@ -402,6 +425,25 @@ void bind_instrument(py::module_& m) {
           py::arg("before") = Parts(),
           "For calibration: a Measurement of cuts of any stores, of other sources too, drawn together: "
           "(session, cut) pairs.")
+      .def(
+          "examine_triangles",
+          [](PyInstrument& self, const py::array& triangles, const std::optional<py::array>& fillers,
+             const std::optional<View>& at, std::shared_ptr<Reference> reference) {
+            const auto corners =
+                checked<double>("measure", triangles, "triangles", {-1, 3, 3}, "(T, 3, 3) float64");
+            py::array_t<uint8_t, py::array::c_style> kinds;
+            if (fillers)
+              kinds = checked<uint8_t>("measure", *fillers, "fillers", {corners.shape(0)}, "(T,) uint8");
+            const std::span<const Triangle> soup = span_of<Triangle>(corners);
+            const std::span<const uint8_t> kind(kinds.data(), static_cast<size_t>(kinds.size()));
+            const py::gil_scoped_release release;
+            return self.examine_triangles(soup, kind, at, std::move(reference));
+          },
+          py::arg("triangles"), py::arg("fillers") = py::none(), py::arg("view") = py::none(),
+          py::arg("reference") = py::none(),
+          "A Measurement of triangles that no method drew: (T, 3, 3) float64 in source coordinates; fillers "
+          "(T,) uint8, 1 where one is filler. Without a view nothing is drawn, and columns that need one are "
+          "nan. InvalidInput for other arrays, no triangles, and a vertex that is not finite.")
       .def(
           "slack", [](const PyInstrument& self, const View& at) { return self.ruler().slack(at.eye); }, view,
           "world_slack at the farthest sample, source units: what laws on measured_max allow.");

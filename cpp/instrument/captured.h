@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: MIT
-// What is asked of captured triangles everywhere: whether they are fillers, and whether they are finite.
+// What is asked of captured triangles everywhere: whether they are fillers, and whether they are finite. And
+// triangles from elsewhere, as if they had been captured.
 #pragma once
 
 #include <cmath>
+#include <span>
 #include <string>
 
 #include "base/errors.h"
+#include "geometry/mesh_surface.h"
+#include "instrument/sample_grid.h"
 #include "render/frame.h"
 
 namespace lodlab::instrument {
@@ -29,5 +33,14 @@ inline void check_finite(const render::Captured& captured, int64_t triangle) {
                        std::to_string(v.z) + "); positions must be finite");
   }
 }
+
+/// Triangles in source coordinates as a capture from `eye`, all of node 0. `fillers`: one a triangle, not 0
+/// where it is one; or empty. InvalidInput, naming the triangle, for a position that is not finite or beyond
+/// kFarthestVertex; and where there is none.
+render::Captured captured_from(std::span<const Triangle> triangles, std::span<const uint8_t> fillers,
+                               const glm::dvec3& eye);
+
+/// Says where on the grid vertices lie, as the shading of a field with voids asks: relative to the eye's cell.
+void place_on_grid(render::Captured& captured, const SampleGrid& grid, const Camera& camera);
 
 }  // namespace lodlab::instrument

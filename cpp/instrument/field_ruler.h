@@ -25,6 +25,7 @@ class FieldRuler final : public Ruler {
   Orientation orientation(const render::Captured& captured, const NodeBound& bound) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;
   bool has_voids() const override { return source_->has_voids(); }
+  glm::dvec3 middle() const override;
   double slack(const glm::dvec3& eye) const override;
   void check_near(const glm::dvec3& eye) const override;
 

@@ -43,6 +43,7 @@ Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<con
   std::function<render::Captured()> before;
   if (subject_.draw_before)
     before = [this] { return render::capture(subject_.camera, subject_.draw_before, true); };
+  if (!subject_.bound) subject_.bound = [this](uint32_t) { return measured_max(); };
   laid_ = ruler_->lay({camera, [this]() -> const render::Captured& { return whole(); }, before,
                        subject_.drawn_by, subject_.bound});
   if (!subject_.pictures) subject_.reference = nullptr;
@@ -52,6 +53,7 @@ Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<con
 // What several figures need ---------------------------------------------------------------------------------
 
 const render::Captured& Measurement::whole() {
+  if (subject_.captured != nullptr) return *subject_.captured;
   return kept(whole_, [&] { return render::capture(subject_.camera, subject_.draw, true); });
 }
 
@@ -67,6 +69,7 @@ double Measurement::optimum_gap() {
 }
 
 double Measurement::measured_px_max() {
+  if (!subject_.on_screen) return kUndefined;
   return kept(px_max_, [&] { return laid_->px_max(); });
 }
 
@@ -126,7 +129,7 @@ double Measurement::drawn_triangles() {
 /// The capture that everything above is measured on, drawn again from a plain buffer: inside the frustum it
 /// must be what was drawn with culling.
 double Measurement::capture_mismatch_pixels() {
-  if (!subject_.pictures) return kUndefined;
+  if (!subject_.pictures || subject_.captured != nullptr) return kUndefined;
   const render::Picture again = render::replay_depth(whole(), subject_.camera, *resources_);
   return static_cast<double>(depth_mismatch_pixels(drawn(), again));
 }

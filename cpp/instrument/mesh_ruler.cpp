@@ -30,12 +30,15 @@ std::unique_ptr<DrawnMesh> drawn_mesh(const render::Captured& captured, const gl
   auto out = std::make_unique<DrawnMesh>();
   std::vector<Triangle> triangles;
   const glm::dvec3 offset = captured.eye - centre;
+  const bool given = !captured.given.empty();
   for (int64_t i = 0; i < captured.triangles(); ++i) {
     check_finite(captured, i);
-    const render::CapturedVertex* v = &captured.vertices[static_cast<size_t>(3 * i)];
+    const size_t first = static_cast<size_t>(3 * i);
+    const render::CapturedVertex* v = &captured.vertices[first];
     if (is_filler(v)) continue;
     Triangle triangle;
-    for (size_t k = 0; k < 3; ++k) triangle[k] = glm::dvec3(v[k].x, v[k].y, v[k].z) + offset;
+    for (size_t k = 0; k < 3; ++k)
+      triangle[k] = given ? captured.given[first + k] - centre : glm::dvec3(v[k].x, v[k].y, v[k].z) + offset;
     triangles.push_back(triangle);
     out->nodes.push_back(v[0].node);
   }

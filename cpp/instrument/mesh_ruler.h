@@ -26,6 +26,7 @@ class MeshRuler final : public Ruler {
   Orientation orientation(const render::Captured& captured, const NodeBound& bound) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;
   bool has_voids() const override { return false; }
+  glm::dvec3 middle() const override { return centre_; }
   double slack(const glm::dvec3& eye) const override;
   void check_near(const glm::dvec3& eye) const override;
 

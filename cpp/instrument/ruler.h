@@ -81,6 +81,8 @@ class Ruler {
   /// Whether pictures of classes show voids as filled.
   virtual bool has_voids() const = 0;
 
+  /// The eye of what is laid without a view: near all samples.
+  virtual glm::dvec3 middle() const = 0;
   /// world_slack() at the sample of the source farthest from the eye.
   virtual double slack(const glm::dvec3& eye) const = 0;
   /// Refuses (InvalidInput) an eye so far away that neighbouring samples fall together: nothing can be told

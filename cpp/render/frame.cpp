@@ -200,6 +200,13 @@ Timing time_draw(const Camera& camera, Show show, const DrawCall& call) {
   return timing;
 }
 
+DrawCall redraw(std::shared_ptr<const Captured> captured, std::shared_ptr<const Surface> field) {
+  return [captured, field, mesh = std::shared_ptr<StaticMesh>()](Pass& pass) mutable {
+    if (mesh == nullptr) mesh = std::make_shared<StaticMesh>(captured->vertices);
+    mesh->draw(pass, *field);
+  };
+}
+
 Picture replay(const Captured& captured, const Camera& camera, const Surface& field, Show show) {
   StaticMesh mesh(captured.vertices);
   return draw_picture(camera, show, [&](Pass& pass) { mesh.draw(pass, field); });

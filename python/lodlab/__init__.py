@@ -26,6 +26,7 @@ except ImportError as error:
 from . import _shaders, errors, instrument, report, stability  # noqa: F401 - _shaders tells the core where they are
 from ._core import Budget, View
 from .instrument import laws
+from .instrument.triangles import measure
 from .lab import compare, fit, fly, sweep
 from .paths.path import CameraPath
 from .report import charts
@@ -68,6 +69,7 @@ __all__ = [
     "fly",
     "instrument",
     "laws",
+    "measure",
     "methods",
     "open",
     "report",
