@@ -7,8 +7,8 @@
 
 #include <map>
 #include <mutex>
-#include <set>
 #include <optional>
+#include <set>
 #include <variant>
 
 #include "base/errors.h"
@@ -156,8 +156,8 @@ class PyInstrument {
     instrument::Subject subject;
     if (view) subject.camera = make_camera(*view);
     if (!view) subject.camera.eye = ruler_->middle();
-    auto captured = std::make_shared<render::Captured>(
-        instrument::captured_from(triangles, fillers, subject.camera.eye));
+    auto captured =
+        std::make_shared<render::Captured>(instrument::captured_from(triangles, fillers, subject.camera.eye));
     const auto* field = dynamic_cast<const instrument::FieldRuler*>(ruler_.get());
     if (view && field != nullptr && field->has_voids())
       instrument::place_on_grid(*captured, field->grid(), subject.camera);

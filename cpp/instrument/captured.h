@@ -40,7 +40,8 @@ inline void check_finite(const render::Captured& captured, int64_t triangle) {
 render::Captured captured_from(std::span<const Triangle> triangles, std::span<const uint8_t> fillers,
                                const glm::dvec3& eye);
 
-/// Says where on the grid vertices lie, as the shading of a field with voids asks: relative to the eye's cell.
+/// Says where on the grid vertices lie, as the shading of a field with voids asks: relative to the eye's
+/// cell.
 void place_on_grid(render::Captured& captured, const SampleGrid& grid, const Camera& camera);
 
 }  // namespace lodlab::instrument

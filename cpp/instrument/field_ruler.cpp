@@ -207,7 +207,8 @@ bool FieldRuler::stands_free(const render::Captured& captured, const Camera& cam
 /// At height 0, where heights lose nothing; of a planet its centre, or the middle of a patch.
 glm::dvec3 FieldRuler::middle() const {
   const glm::dvec3 middle = source_->position(source_->rows / 2, source_->cols / 2, 0.0);
-  return source_->planet && source_->reach(glm::dvec3(0.0)) < source_->reach(middle) ? glm::dvec3(0.0) : middle;
+  return source_->planet && source_->reach(glm::dvec3(0.0)) < source_->reach(middle) ? glm::dvec3(0.0)
+                                                                                     : middle;
 }
 
 double FieldRuler::slack(const glm::dvec3& eye) const { return world_slack(source_->reach(eye)); }

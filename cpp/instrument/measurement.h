@@ -26,11 +26,11 @@ namespace lodlab::instrument {
 /// What is measured.
 struct Subject {
   Camera camera{};
-  bool on_screen = true;         ///< false: of the camera the eye alone counts, and pixel columns are nan
-  render::DrawCall draw;         ///< the cut
+  bool on_screen = true;  ///< false: of the camera the eye alone counts, and pixel columns are nan
+  render::DrawCall draw;  ///< the cut
   std::shared_ptr<const render::Captured> captured;  ///< not null: it is no cut, and these are its triangles
-  render::DrawCall draw_before;  ///< the cut of the frame before; may be empty
-  std::string drawn_by;          ///< for messages
+  render::DrawCall draw_before;                      ///< the cut of the frame before; may be empty
+  std::string drawn_by;                              ///< for messages
   NodeBound bound;  ///< empty: nothing is claimed, and what is measured is taken
   double predicted_px = kUndefined;
   std::function<double()> optimum_px;          ///< the least that it could be; may take long; may be empty

@@ -49,7 +49,8 @@ static_assert(sizeof(CapturedVertex) == 28);
 struct Captured {
   glm::dvec3 eye{0.0};
   std::vector<CapturedVertex> vertices;
-  std::vector<glm::dvec3> given = {};  ///< of triangles that no GPU emitted: every vertex as given; else empty
+  std::vector<glm::dvec3> given =
+      {};  ///< of triangles that no GPU emitted: every vertex as given; else empty
   int64_t triangles() const { return static_cast<int64_t>(vertices.size() / 3); }
 };
 
@@ -63,8 +64,8 @@ Picture draw_wire(const Camera& camera, const DrawCall& call);
 /// The triangles that the very program which draws emits; the buffer grows until nothing is lost.
 Captured capture(const Camera& camera, const DrawCall& call, bool everything);
 
-/// Draws captured triangles from a plain buffer with the same fragment shader and clip computation; the buffer
-/// is made when first drawn.
+/// Draws captured triangles from a plain buffer with the same fragment shader and clip computation; the
+/// buffer is made when first drawn.
 DrawCall redraw(std::shared_ptr<const Captured> captured, std::shared_ptr<const Surface> field);
 Picture replay(const Captured& captured, const Camera& camera, const Surface& field, Show show);
 
