@@ -88,7 +88,6 @@ void bind_mesh(pybind11::module_& m);
 void bind_store(pybind11::module_& m);
 void bind_session(pybind11::module_& m);
 void bind_instrument(pybind11::module_& m);
-void bind_mesh_error(pybind11::module_& m);
 void bind_devices(pybind11::module_& m);
 void bind_bench(pybind11::module_& m);
 #ifdef LODLAB_OPENIMAGEIO

@@ -81,7 +81,6 @@ PYBIND11_MODULE(_core, m) {
   lodlab::bind_store(m);
   lodlab::bind_session(m);
   lodlab::bind_instrument(m);
-  lodlab::bind_mesh_error(m);
   lodlab::bind_devices(m);
   lodlab::bind_bench(m);
 #ifdef LODLAB_OPENIMAGEIO

@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import lodlab as lod
 from lodlab import _core, errors
@@ -68,6 +71,28 @@ def sagitta(coarse: int, fine: int) -> float:
     inradius = (3 * math.sqrt(3) + math.sqrt(15)) / 12 / math.sqrt((5 + math.sqrt(5)) / 8)
     tangent = math.tan(math.acos(inradius))
     return math.cos(math.atan(tangent / 2**fine)) - math.cos(math.atan(tangent / 2**coarse))
+
+
+def closest(drawn: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (N,) and closest points (N, 3), from every point to every triangle, by trimesh."""
+    every = np.repeat(drawn, len(points), axis=0)
+    near = trimesh.triangles.closest_point(every, np.tile(points, (len(drawn), 1))).reshape(len(drawn), -1, 3)
+    distance = np.linalg.norm(near - points, axis=2)
+    best = distance.argmin(axis=0)
+    index = np.arange(len(points))
+    return distance[best, index], near[best, index]
+
+
+def thinned(mesh: lod.Mesh, cells: int) -> np.ndarray:
+    """Triangles (T, 3, 3) of the mesh with the vertices of each cell of a grid made one, their mean."""
+    size = np.ptp(mesh.positions, axis=0).max() / cells
+    _, group = np.unique(np.floor((mesh.positions - mesh.bounds[0]) / size), axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    mean = np.zeros((group.max() + 1, 3))
+    np.add.at(mean, group, mesh.positions)
+    mean /= np.bincount(group)[:, None]
+    kept = group[mesh.faces]
+    return mean[kept[(kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 2] != kept[:, 0])]]
 
 
 def test_a_triangulated_field_against_itself_is_zero() -> None:
@@ -238,6 +263,71 @@ def test_a_square_lowered_under_a_view() -> None:
     without = lod.measure(plate(3, -drop), plate(20))
     assert all(math.isnan(without[name]) for name in ON_SCREEN)
     assert without["measured_max"] == found["measured_max"]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 12), st.sampled_from([0.0, 1.0, 6.4e6]))
+def test_random_triangles_against_numpy(seed: int, count: int, drawn_count: int, offset: float) -> None:
+    rng = np.random.default_rng(seed)
+    triangles = rng.uniform(-1, 1, (count, 3, 3)) + offset
+    drawn = rng.uniform(-1, 1, (drawn_count, 3, 3)) + offset
+    source = lod.Mesh(triangles.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    found = lod.measure(drawn, source)
+    # All points of a lattice on every source triangle; nothing on it is farther than a step from one of them.
+    steps = 24
+    i, j = np.mgrid[0 : steps + 1, 0 : steps + 1]
+    weights = np.stack([i, j, steps - i - j], -1)[i + j <= steps] / steps
+    points = np.einsum("nk,tkc->tnc", weights, triangles - offset)
+    edges = triangles - np.roll(triangles, 1, axis=1)
+    step = np.linalg.norm(edges, axis=2).max() / steps
+    distances, _ = closest(drawn - offset, points.reshape(-1, 3))
+    rounding = 1e-15 * offset + 1e-9
+    assert found["measured_max_source_to_drawn"] >= distances.max() * (1 - TOLERANCE) - rounding
+    assert found["measured_max_source_to_drawn"] <= distances.max() + step
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    # The lattice's mean is a rougher rms: its distances are off by at most a step.
+    rms = math.sqrt(np.average((distances**2).reshape(count, -1).mean(axis=1), weights=areas))
+    assert found["measured_rms_source_to_drawn"] == pytest.approx(rms, abs=2 * step)
+    assert found["measured_max"] == max(found["measured_max_source_to_drawn"], found["measured_max_drawn_to_source"])
+    assert found["measured_rms"] == max(found["measured_rms_source_to_drawn"], found["measured_rms_drawn_to_source"])
+    assert found["measured_rms_source_to_drawn"] <= found["measured_max_source_to_drawn"] * (1 + TOLERANCE)
+
+
+def test_vertices_on_the_screen_against_numpy() -> None:
+    flat = plate(8)
+    points = flat.positions + np.random.default_rng(5).uniform(-0.1, 0.1, (81, 1)) * [0, 0, 1]
+    drawn = plate(2)
+    view = lod.View((0.5, -0.8, 0.5), (0.5, 0.5, 0.0), size=(320, 200), fov=50.0)
+    _, near = closest(drawn.positions[drawn.faces], points)
+
+    def project(points: np.ndarray) -> np.ndarray:
+        clip = np.c_[points, np.ones(len(points))] @ np.asarray(view.matrix).T
+        return clip[:, :2] / clip[:, 3:] * [160, 100]
+
+    inside = np.all(np.abs(project(points)) <= [160, 100], axis=1)
+    assert 10 < inside.sum() < len(points)  # some are out of view, all in front of the eye
+    expected = np.linalg.norm(project(points) - project(near), axis=1)[inside].max()
+    found = lod.measure(drawn, lod.Mesh(points, flat.faces), view)
+    assert found["measured_px_max"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_real_mesh(shared_data: Callable[[str], Path]) -> None:
+    mesh = lod.Mesh.open(shared_data("mesh/horse.ply"))
+    # No point is farther from the moved mesh than it moved; somewhere on a closed mesh it moved straight out.
+    shift = np.array([0.36, 0.48, 0.8]) * 1e-4 * mesh.extent
+    moved = lod.measure(mesh.positions[mesh.faces] + shift, mesh)
+    for name in ("measured_max_source_to_drawn", "measured_max_drawn_to_source"):
+        assert moved[name] == pytest.approx(np.linalg.norm(shift), rel=2 * TOLERANCE)
+    drawn = thinned(mesh, 50)
+    assert len(drawn) < len(mesh.faces) / 10
+    found = lod.measure(drawn, mesh)
+    # A thinned vertex is the mean of a cell; the surface lies within a few cells of the source.
+    cell = float(np.ptp(mesh.positions, axis=0).max()) / 50
+    assert 0.1 * cell < found["measured_max"] < 3 * cell
+    assert found["measured_rms"] < 0.2 * found["measured_max"]
+    some = np.random.default_rng(1).choice(mesh.samples, 100, replace=False)
+    distances, _ = closest(drawn, mesh.positions[some])
+    assert distances.max() <= found["measured_max_source_to_drawn"] * (1 + 1e-9)
 
 
 def test_colours_of_the_source_are_no_difference() -> None:
