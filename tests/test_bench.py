@@ -17,7 +17,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core, datasets
-from lodlab.bench import costs, lab, multigrain, suite
+from lodlab.bench import costs, lab, meshes, multigrain, suite
 from lodlab.errors import InvalidInput
 from lodlab.paths.path import CameraPath
 
@@ -78,6 +78,35 @@ def test_a_bar_may_stand_on_a_detail(tmp_path):
     assert suite.check([record(details={"p99_us": 4.0})], bars) == []
     assert "details.p99_us 6 " in suite.check([record(details={"p99_us": 6})], bars)[0]
     assert len(suite.check([record()], bars)) == 1, "a detail that is not there passed"
+
+
+def test_a_bar_of_a_file_stands_where_the_file_is(tmp_path, monkeypatch):
+    monkeypatch.setenv("LODLAB_DATA", str(tmp_path))
+    monkeypatch.delenv("LODLAB_REQUIRE_DATA", raising=False)
+    bars = tmp_path / "bars.toml"
+    bars.write_text('[[bar]]\nbench = "draw"\ncase = "full/x"\nfile = "x.off"\nfield = "value"\nmin = 5.0\n')
+    assert suite.check([record()], bars) == []
+    (tmp_path / "x.off").write_text("OFF 0 0 0")
+    assert suite.check([record()], bars) == ["draw full/x: not measured"]
+    said: list[str] = []
+    assert lab.Lab(tmp_path, said.append).lacks("y.off", "draw full/y") and "y.off is not there" in said[0]
+
+
+def test_benches_of_meshes_make_their_records(tmp_path, monkeypatch):
+    ball = datasets.load("icosphere:level=2")
+    lines = ["OFF", f"{ball.samples} {len(ball.faces)} 0", *(" ".join(map(str, p)) for p in ball.positions.tolist())]
+    (tmp_path / "ball.off").write_text("\n".join([*lines, *("3 {} {} {}".format(*f) for f in ball.faces.tolist())]))
+    monkeypatch.setenv("LODLAB_DATA", str(tmp_path))
+    monkeypatch.setattr(meshes, "FILES", {"ball": "ball.off", "cube": "cube.off"})
+    monkeypatch.setattr(lab, "SIZE", (160, 90))
+    for cases in ("DRAWN", "MEASURED", "BUILT"):
+        monkeypatch.setattr(meshes, cases, (("full", "ball"), ("full", "cube")))
+    shared = lab.Lab(tmp_path, lambda text: None)
+    made = [one for bench in (meshes.draw, meshes.measure, meshes.build) for one in bench(shared)]
+    assert [(r["bench"], r["case"]) for r in made] == [
+        ("draw", "full/ball"), ("draw", "full/ball/discard"), ("measure", "full/ball"), ("build", "full/ball")
+    ]  # fmt: skip
+    assert all(r["value"] > 0.0 for r in made) and made[-1]["unit"] == "faces/s"
 
 
 def test_a_bar_without_a_limit_is_refused(tmp_path):

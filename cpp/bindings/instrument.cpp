@@ -24,6 +24,13 @@
 namespace py = pybind11;
 
 namespace lodlab {
+
+std::shared_ptr<const render::Surface> surface_of(const std::string& operation, const Source& source) {
+  if (const auto* mesh = dynamic_cast<const Mesh*>(&source)) return render::make_surface(mesh->box);
+  const FieldSource& field = heights_of(source, operation);
+  return render::make_surface(field, field.coverage());
+}
+
 namespace {
 
 using instrument::Measurement;
@@ -71,12 +78,6 @@ std::shared_ptr<const instrument::Ruler> ruler_of(const std::shared_ptr<const So
     return std::make_shared<instrument::MeshRuler>(mesh);
   heights_of(*source, "Instrument: this");
   return std::make_shared<instrument::FieldRuler>(std::dynamic_pointer_cast<const FieldSource>(source));
-}
-
-std::shared_ptr<const render::Surface> surface_of(const Source& source) {
-  if (const auto* mesh = dynamic_cast<const Mesh*>(&source)) return render::make_surface(mesh->box);
-  const FieldSource& field = heights_of(source, "Instrument: this");
-  return render::make_surface(field, field.coverage());
 }
 
 /// How far each node of a cut, or of cuts drawn together, may be from the source: its error as drawn.
@@ -173,7 +174,7 @@ class PyInstrument {
  private:
   std::shared_ptr<const render::Surface> resources() {
     gl::ensure_context();
-    if (resources_ == nullptr) resources_ = surface_of(*source_);
+    if (resources_ == nullptr) resources_ = surface_of("Instrument: this", *source_);
     return resources_;
   }
 

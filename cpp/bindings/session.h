@@ -62,6 +62,10 @@ struct PyCapture {
   render::Captured captured;
 };
 
+/// What cuts of a source are drawn on. Unsupported, naming `operation`, for a kind of source that is no
+/// surface.
+std::shared_ptr<const render::Surface> surface_of(const std::string& operation, const Source& source);
+
 /// "shade", "normal", "level", "class". InvalidInput lists them.
 render::Show show_of(const std::string& text);
 

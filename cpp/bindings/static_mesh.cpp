@@ -6,7 +6,6 @@
 
 #include "bindings/session.h"
 #include "bindings/view.h"
-#include "geometry/coverage.h"
 
 namespace py = pybind11;
 
@@ -15,28 +14,28 @@ namespace {
 
 struct PyStaticMesh {
   std::shared_ptr<render::StaticMesh> mesh;
-  std::shared_ptr<const render::Surface> field;
+  std::shared_ptr<const render::Surface> surface;
   size_t triangles, vertices;
 };
 
-std::shared_ptr<PyStaticMesh> make(const PyCapture& capture, const std::shared_ptr<HeightField>& field) {
-  given("StaticMesh: field", field);
+std::shared_ptr<PyStaticMesh> make(const PyCapture& capture, const std::shared_ptr<Source>& source) {
+  given("StaticMesh: source", source);
   const py::gil_scoped_release release;
   const auto& captured = capture.captured.vertices;
   const meshopt_Stream stream{captured.data(), 3 * sizeof(float), sizeof(render::CapturedVertex)};
   std::vector<uint32_t> indices(captured.size());
   const size_t unique =
       meshopt_generateVertexRemapMulti(indices.data(), nullptr, captured.size(), captured.size(), &stream, 1);
-  std::vector<uint32_t> source(unique);  // the captured vertex of each unique one
-  for (size_t i = captured.size(); i-- > 0;) source[indices[i]] = static_cast<uint32_t>(i);
+  std::vector<uint32_t> vertex(unique);  // the captured one of each unique one
+  for (size_t i = captured.size(); i-- > 0;) vertex[indices[i]] = static_cast<uint32_t>(i);
   meshopt_optimizeVertexCache(indices.data(), indices.data(), indices.size(), unique);
   std::vector<uint32_t> fetch(unique), first_use(unique);
   meshopt_optimizeVertexFetchRemap(fetch.data(), indices.data(), indices.size(), unique);
-  for (size_t i = 0; i < unique; ++i) first_use[fetch[i]] = source[i];
+  for (size_t i = 0; i < unique; ++i) first_use[fetch[i]] = vertex[i];
   meshopt_remapIndexBuffer(indices.data(), indices.data(), indices.size(), fetch.data());
   PyStaticMesh out;
   out.mesh = render::make_static_mesh(capture.captured, indices, first_use);
-  out.field = render::make_surface(*field, coverage_bits(*field));
+  out.surface = surface_of("StaticMesh", *source);
   out.triangles = indices.size() / 3;
   out.vertices = unique;
   return std::make_shared<PyStaticMesh>(std::move(out));
@@ -45,7 +44,7 @@ std::shared_ptr<PyStaticMesh> make(const PyCapture& capture, const std::shared_p
 double time(const PyStaticMesh& self, const View& view, bool discard) {
   const py::gil_scoped_release release;
   const auto show = discard ? render::Show::kNone : render::Show::kShade;
-  return render::time_static(make_camera(view), show, *self.mesh, *self.field).gpu_ms;
+  return render::time_static(make_camera(view), show, *self.mesh, *self.surface).gpu_ms;
 }
 
 }  // namespace
@@ -53,7 +52,7 @@ double time(const PyStaticMesh& self, const View& view, bool discard) {
 void bind_static_mesh(py::module_& m) {
   py::class_<PyStaticMesh, std::shared_ptr<PyStaticMesh>>(
       m, "StaticMesh", "Captured triangles in one static buffer: what a method's draw is compared with.")
-      .def(py::init(&make), py::arg("capture"), py::arg("field"))
+      .def(py::init(&make), py::arg("capture"), py::arg("source"))
       .def_readonly("triangles", &PyStaticMesh::triangles)
       .def_readonly("vertices", &PyStaticMesh::vertices)
       .def("time_draw", &time, py::arg("view"), py::arg("discard") = false,

@@ -20,13 +20,14 @@ from .lab import (
     PAIRS,
     REPEATS,
     SEED,
+    Building,
     Lab,
     Record,
     bootstrap_median,
+    build_case,
     device,
-    draw_case,
+    draw_cases,
     interleaved,
-    options_of,
     record,
     select_case,
 )
@@ -76,16 +77,9 @@ DEMO = (
 def draw(lab: Lab) -> Iterable[Record]:
     """Triangles per second of a 1 px cut, beside one static buffer that holds the very same triangles."""
     for method, spec, name in DRAWN:
-        store = lab.store(spec, method)
-        session = store.session(DRAW_OPTIONS)
         view = lab.views(spec, 9)[4]
-        cut = session.select(view, _core.Budget(pixel_error=1.0))
-        reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
-        for discard in (False, True):
-            case = f"{method}/{name}" + ("/discard" if discard else "")
-            lab.say(f"draw {case}")
-            drawn = draw_case(case, session, cut, view, reference, discard)
-            yield drawn | {"options": options_of(store, DRAW_OPTIONS)}
+        store, budget = lab.store(spec, method), _core.Budget(pixel_error=1.0)
+        yield from draw_cases(lab, f"{method}/{name}", spec, store, DRAW_OPTIONS, view, budget)
 
 
 def _pixel_error_for(session: Any, views: Sequence[Any], nodes: int) -> float:
@@ -146,12 +140,12 @@ def _build_spec() -> str:
     return f"fractal:size={BUILD_SIZE},seed={SEED}"
 
 
-def _martini(heights: np.ndarray) -> tuple[str, Callable[[], float]] | None:
+def _martini(heights: np.ndarray) -> tuple[str, Callable[[], float] | None]:
     """The name and a timed call of pymartini's error pass plus one mesh; None where it is not installed."""
     try:
         import pymartini
     except ImportError:
-        return None
+        return "pymartini (not installed)", None
     grid = pymartini.Martini(heights.shape[0])
 
     def once() -> float:
@@ -165,56 +159,20 @@ def _martini(heights: np.ndarray) -> tuple[str, Callable[[], float]] | None:
 
 def build(lab: Lab) -> Iterable[Record]:
     """Samples per second from an array in memory to a closed, complete store, exact bounds included."""
-    heights = np.array(lab.source(_build_spec()).core.heights)
-    path = lab.folder / "build.lod"
-    kept: dict[str, Any] = {}
-    spacing = lab.source(_build_spec()).core.dx
-
-    def once() -> float:
-        path.unlink(missing_ok=True)
-        start = time.perf_counter()
-        source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
-        store = _core.build(source, "chunked", str(path), BUILD_OPTIONS, "new", None)
-        seconds = time.perf_counter() - start
-        kept.update(info=store.info(), options=dict(store.options), store=store)
-        return seconds
-
-    lab.say(f"build chunked/fractal-{BUILD_SIZE}")
-    martini = _martini(heights)
-    if martini is None:
-        times = np.array([once() for _ in range(REPEATS + 1)][1:])
-        reference, theirs, ratio, low, high = "pymartini (not installed)", math.nan, math.nan, math.nan, math.nan
-    else:
-        reference, other = martini
-        pairs = interleaved(once, other, REPEATS)
-        times = pairs[:, 0]
-        theirs = heights.size / float(np.median(pairs[:, 1]))
-        ratio, low, high = bootstrap_median(pairs[:, 1] / pairs[:, 0])
-    info = kept["info"]
-    finest = info["levels"][-1]
-    nodes = kept["store"].nodes
-    surface = kept["store"].session({}).cut(nodes["id"][nodes["level"] == finest["level"]], None)
-    yield record(
-        "build",
-        f"chunked/fractal-{BUILD_SIZE}",
-        heights.size / float(np.median(times)),
-        "samples/s",
-        reference=reference,
-        reference_value=theirs,
-        ratio=ratio,
-        ratio_low=low,
-        ratio_high=high,
-        options=tables.options_text(kept["options"]),
-        details={
-            "seconds": float(np.median(times)),
-            "share_of_samples_kept": (surface.triangles - surface.filler_triangles) / (2.0 * (BUILD_SIZE - 1) ** 2),
-            "bytes_per_sample": info["bytes_per_sample"],
-            "bytes_per_vertex": info["bytes_per_vertex"],
-            "finest_error_max": finest["error_max"],
-            "threads": _core.thread_count(),
-            "repeats": REPEATS,
-        },
+    field = lab.source(_build_spec()).core
+    heights = np.array(field.heights)
+    building = Building(
+        lab, lambda: _core.HeightField(heights, None, dx=field.dx, dy=field.dx), "chunked", BUILD_OPTIONS
     )
+    case = f"chunked/fractal-{BUILD_SIZE}"
+    lab.say(f"build {case}")
+    found = build_case(case, heights.size, "samples", building, *_martini(heights))
+    finest = building.info["levels"][-1]
+    nodes = building.store.nodes
+    surface = building.store.session({}).cut(nodes["id"][nodes["level"] == finest["level"]], None)
+    kept = (surface.triangles - surface.filler_triangles) / (2.0 * (BUILD_SIZE - 1) ** 2)
+    found["details"] |= {"share_of_samples_kept": kept, "finest_error_max": finest["error_max"]}
+    yield found
 
 
 def memory(lab: Lab) -> Iterable[Record]:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput
 from ..instrument import statistics
-from ..paths.path import CameraPath
+from ..paths.path import CameraPath, default_path
 from ..runs import provenance, tables
 from ..sources import datasets
+from ..sources.spec import find_file
 
 SIZE = (1280, 720)
 SEED = 1
@@ -37,7 +39,7 @@ class Lab:
         self._stores: dict[tuple[str, str, str], Any] = {}
 
     def source(self, spec: str) -> Any:
-        """The lodlab.HeightField of a SOURCE."""
+        """The lodlab source of a SOURCE."""
         if spec not in self._sources:
             self._sources[spec] = datasets.load(spec)
         return self._sources[spec]
@@ -52,9 +54,17 @@ class Lab:
         return self._stores[key]
 
     def views(self, spec: str, frames: int) -> list[Any]:
-        """The views of the built-in flyover over a source."""
-        path = CameraPath.flyover(self.source(spec), frames=frames)
+        """The views of the built-in flyover over a field, of the orbit round a mesh."""
+        source = self.source(spec)
+        path = CameraPath.named(default_path(source.kind), source, frames=frames)
         return [path.view(f, size=SIZE) for f in range(frames)]
+
+    def lacks(self, file: str, case: str) -> bool:
+        """Whether a file of the folder of further data is not there; says then that the case is skipped."""
+        absent = find_file(file) is None
+        if absent:
+            self.say(f"{case} is skipped: {file} is not there (LODLAB_DATA names its folder)")
+        return absent
 
 
 # ---- statistics -----------------------------------------------------------------------------------
@@ -155,6 +165,20 @@ def select_case(
     )
 
 
+def draw_cases(
+    lab: Lab, case: str, spec: str, store: Any, draw: dict[str, Any], at: Any, budget: Any
+) -> Iterator[Record]:
+    """The records of a store's cut under the view `at`, beside one static buffer that holds the very same triangles;
+    drawn, and with the rasterizer off."""
+    session = store.session(draw)
+    cut = session.select(at, budget)
+    reference = _core.StaticMesh(session.capture(cut, at, False), lab.source(spec).core)
+    for discard in (False, True):
+        name = f"{case}/discard" if discard else case
+        lab.say(f"draw {name}")
+        yield draw_case(name, session, cut, at, reference, discard) | {"options": options_of(store, draw)}
+
+
 def draw_case(case: str, session: Any, cut: Any, view: Any, reference: Any, discard: bool) -> Record:
     """A record of `draw`: a cut beside a static buffer of the same triangles."""
     times = interleaved(
@@ -182,4 +206,58 @@ def draw_case(case: str, session: Any, cut: Any, view: Any, reference: Any, disc
             "reference_vertices": reference.vertices,
             "pairs": PAIRS,
         },
+    )
+
+
+class Building:
+    """A timed call: from arrays in memory (`source` makes the core's source of them) to a closed, complete store, which
+    `store` is then. Builds anew each time."""
+
+    def __init__(self, lab: Lab, source: Callable[[], Any], method: str, options: dict[str, Any]):
+        self._source, self._method, self._options = source, method, options
+        self._path = lab.folder / f"build-{method}.lod"
+        self.store: Any = None
+
+    def __call__(self) -> float:
+        self.store = None
+        self._path.unlink(missing_ok=True)
+        start = time.perf_counter()
+        self.store = _core.build(self._source(), self._method, str(self._path), self._options, "new", None)
+        return time.perf_counter() - start
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What the store says of itself."""
+        return self.store.info()
+
+
+def build_case(
+    case: str, count: int, unit: str, building: Building, reference: str, other: Callable[[], float] | None
+) -> Record:
+    """A record of `build`: so many of a unit a second, in turn with a reference; None: it is not installed."""
+    known: dict[str, Any] = {}
+    if other is None:
+        times = np.array([building() for _ in range(REPEATS + 1)][1:])
+    else:
+        pairs = interleaved(building, other, REPEATS)
+        times = pairs[:, 0]
+        ratio, low, high = bootstrap_median(pairs[:, 1] / times)
+        known = {"reference_value": count / float(np.median(pairs[:, 1])), "ratio": ratio, "ratio_low": low}
+        known |= {"ratio_high": high}
+    seconds = float(np.median(times))
+    return record(
+        "build",
+        case,
+        count / seconds,
+        f"{unit}/s",
+        reference=reference,
+        options=tables.options_text(building.store.options),
+        details={
+            "seconds": seconds,
+            "bytes_per_sample": building.info["bytes_per_sample"],
+            "bytes_per_vertex": building.info["bytes_per_vertex"],
+            "threads": _core.thread_count(),
+            "repeats": REPEATS,
+        },
+        **known,
     )

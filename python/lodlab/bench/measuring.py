@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from .. import _core
 from ..instrument.metrics import METRICS, measure
+from ..runs.configs import DEFAULT_PIXEL_ERRORS
 from .costs import DRAW_OPTIONS, TERRAINS
 from .lab import REPEATS, Lab, Record, bootstrap_median, device, interleaved, options_of, record
 
@@ -19,33 +20,38 @@ from .lab import REPEATS, Lab, Record, bootstrap_median, device, interleaved, op
 def measure_frames(lab: Lab) -> Iterable[Record]:
     """Milliseconds of one accuracy frame without picture metrics, beside drawing `full` for the same frame."""
     for spec, name in TERRAINS:
-        store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
-        session, reference = store.session(DRAW_OPTIONS), full.session({})
-        instrument = _core.Instrument(lab.source(spec).core, reference)
-        lab.say(f"measure chunked/{name}")
-        frames = [_measure_frame(instrument, session, reference, view) for view in lab.views(spec, REPEATS)]
-        ours, theirs = (float(np.median([np.median(times[:, k]) for times in frames])) for k in (0, 1))
-        ratio, low, high = bootstrap_median(np.array([np.median(times[:, 1] / times[:, 0]) for times in frames]))
-        yield record(
-            "measure",
-            f"chunked/{name}",
-            ours,
-            "ms/frame",
-            reference="drawing full",
-            reference_value=theirs,
-            ratio=ratio,
-            ratio_low=low,
-            ratio_high=high,
-            device=device(),
-            options=options_of(store, DRAW_OPTIONS),
-            details={
-                "times_full": 1.0 / ratio,
-                "views": len(frames),
-                "repeats": REPEATS,
-                **_dear_metrics(instrument, session, lab.views(spec, REPEATS)),
-            },
-        )
+        session = lab.store(spec, "chunked").session(DRAW_OPTIONS)
+        instrument = _core.Instrument(lab.source(spec).core, lab.store(spec, "full").session({}))
+        found = measure_case(lab, f"chunked/{name}", spec, "chunked", DRAW_OPTIONS)
+        found["details"] |= _dear_metrics(instrument, session, lab.views(spec, REPEATS))
+        yield found
         yield _likeness(instrument, session, lab.views(spec, REPEATS)[2], name)
+
+
+def measure_case(lab: Lab, case: str, spec: str, method: str, draw: dict[str, Any]) -> Record:
+    """A record of `measure`: a 1 px cut under some of the source's views, in turn with drawing `full` there."""
+    store, full = lab.store(spec, method), lab.store(spec, "full")
+    session, reference = store.session(draw), full.session({})
+    instrument = _core.Instrument(lab.source(spec).core, reference)
+    lab.say(f"measure {case}")
+    views = lab.views(spec, REPEATS)
+    frames = [_measure_frame(instrument, session, reference, view) for view in views]
+    ours, theirs = (float(np.median([np.median(times[:, k]) for times in frames])) for k in (0, 1))
+    ratio, low, high = bootstrap_median(np.array([np.median(times[:, 1] / times[:, 0]) for times in frames]))
+    return record(
+        "measure",
+        case,
+        ours,
+        "ms/frame",
+        reference="drawing full",
+        reference_value=theirs,
+        ratio=ratio,
+        ratio_low=low,
+        ratio_high=high,
+        device=device(),
+        options=options_of(store, draw),
+        details={"times_full": 1.0 / ratio, "views": len(frames), "repeats": REPEATS},
+    )
 
 
 def _dear_metrics(instrument: Any, session: Any, views: Sequence[Any]) -> dict[str, float]:
@@ -130,12 +136,18 @@ def _measure_frame(instrument: Any, session: Any, reference: Any, view: Any) -> 
 
 def accuracy(lab: Lab) -> Iterable[Record]:
     """Measured error against the promised one: a report, its ratio says how tight the promise is."""
-    spec = "jacksboro"
-    store, full = lab.store(spec, "chunked"), lab.store(spec, "full")
-    session, reference = store.session(DRAW_OPTIONS), full.session({})
-    instrument = _core.Instrument(lab.source(spec).core, reference)
-    for pixel_error in (0.5, 1.0, 2.0, 4.0, 8.0):
-        lab.say(f"accuracy chunked/{spec}/{pixel_error:g}px")
+    yield from accuracy_cases(lab, "chunked/jacksboro", "jacksboro", "chunked", DRAW_OPTIONS)
+
+
+def accuracy_cases(lab: Lab, case: str, spec: str, method: str, draw: dict[str, Any]) -> Iterator[Record]:
+    """Records of `accuracy` at the pixel errors of `compare`: the largest measured error beside the largest promised
+    one, over twelve views."""
+    store = lab.store(spec, method)
+    session = store.session(draw)
+    instrument = _core.Instrument(lab.source(spec).core, lab.store(spec, "full").session({}))
+    for pixel_error in DEFAULT_PIXEL_ERRORS:
+        name = f"{case}/{pixel_error:g}px"
+        lab.say(f"accuracy {name}")
         rows = []
         for view in lab.views(spec, 12):
             cut = session.select(view, _core.Budget(pixel_error=pixel_error))
@@ -144,14 +156,14 @@ def accuracy(lab: Lab) -> Iterable[Record]:
         predicted = max(r["predicted_px"] for r in rows)
         yield record(
             "accuracy",
-            f"chunked/{spec}/{pixel_error:g}px",
+            name,
             measured,
             "px",
             reference="predicted_px",
             reference_value=predicted,
             ratio=measured / predicted if predicted > 0 else math.nan,
             device=device(),
-            options=options_of(store, DRAW_OPTIONS),
+            options=options_of(store, draw),
             details={
                 "measured_px_max_median": float(np.median([r["measured_px_max"] for r in rows])),
                 "measured_max": max(r["measured_max"] for r in rows),

@@ -19,24 +19,11 @@ import numpy as np
 from .. import _core
 from ..instrument.audit import random_cut
 from ..paths.path import CameraPath
-from ..runs import tables
 from ..sources.datasets import fractal_window
 from ..sources.frames import DEFAULT_SPACING
 from ..sources.heightfield import HeightField
 from ..stores.methods import still
-from .lab import (
-    REPEATS,
-    SEED,
-    Lab,
-    Record,
-    bootstrap_median,
-    device,
-    draw_case,
-    interleaved,
-    options_of,
-    record,
-    select_case,
-)
+from .lab import SEED, Building, Lab, Record, build_case, device, draw_cases, options_of, record, select_case
 
 PLANET = "earth:planet=true"
 TERRAINS = ((PLANET, "earth-planet"), (f"fractal:size=4097,seed={SEED}", "fractal-4097"))
@@ -56,16 +43,10 @@ def _session(store: Any, **draw: Any) -> tuple[Any, dict[str, Any]]:
 def draw(lab: Lab) -> Iterable[Record]:
     """Triangles per second of a cut of 400 nodes and 2 M triangles, beside one static buffer with the same."""
     for spec, name in TERRAINS:
-        store = lab.store(spec, "multigrain")
-        session, options = _session(store)
         view = lab.views(spec, 9)[0]  # further on, 2 M triangles need fewer nodes
-        cut = session.select(view, _core.Budget(triangles=TRIANGLES, nodes=NODES))
-        reference = _core.StaticMesh(session.capture(cut, view, False), lab.source(spec).core)
-        for discard in (False, True):
-            case = f"multigrain/{name}{'/discard' if discard else ''}"
-            lab.say(f"draw {case}")
-            drawn = draw_case(case, session, cut, view, reference, discard)
-            yield drawn | {"options": options_of(store, options)}
+        budget = _core.Budget(triangles=TRIANGLES, nodes=NODES)
+        store = lab.store(spec, "multigrain")
+        yield from draw_cases(lab, f"multigrain/{name}", spec, store, still("multigrain", {}), view, budget)
 
 
 def _pixel_error_at(session: Any, views: list[Any]) -> float:
@@ -153,42 +134,12 @@ def build(lab: Lab) -> Iterable[Record]:
     import rasterio
 
     heights, spacing = fractal_window(BUILD_SIZE, BUILD_SIZE, seed=SEED), DEFAULT_SPACING
-    path = lab.folder / "multigrain.lod"
-    kept: dict[str, Any] = {}
-
-    def once() -> float:
-        path.unlink(missing_ok=True)
-        start = time.perf_counter()
-        source = _core.HeightField(heights, None, dx=spacing, dy=spacing)
-        store = _core.build(source, "multigrain", str(path), {}, "new", None)
-        seconds = time.perf_counter() - start
-        kept.update(info=store.info(), options=dict(store.options))
-        return seconds
-
+    building = Building(lab, lambda: _core.HeightField(heights, None, dx=spacing, dy=spacing), "multigrain", {})
     case = f"multigrain/fractal-{BUILD_SIZE}"
     lab.say(f"build {case}")
-    pairs = interleaved(once, _overviews(heights, lab.folder / "overviews.tif"), REPEATS)
-    ratio, low, high = bootstrap_median(pairs[:, 1] / pairs[:, 0])
-    ours, theirs = np.median(pairs, axis=0)
-    yield record(
-        "build",
-        case,
-        heights.size / ours,
-        "samples/s",
-        reference=f"rasterio {rasterio.__version__}: build_overviews, average, int16, tiles of 256, one thread",
-        reference_value=heights.size / theirs,
-        ratio=ratio,
-        ratio_low=low,
-        ratio_high=high,
-        options=tables.options_text(kept["options"]),
-        details={
-            "seconds": ours,
-            "reference_seconds": theirs,
-            "bytes_per_sample": kept["info"]["bytes_per_sample"],
-            "threads": _core.thread_count(),
-            "repeats": REPEATS,
-        },
-    )
+    beside = f"rasterio {rasterio.__version__}: build_overviews, average, int16, tiles of 256, one thread"
+    overviews = _overviews(heights, lab.folder / "overviews.tif")
+    yield build_case(case, heights.size, "samples", building, beside, overviews)
 
 
 # ---- accuracy -------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from __future__ import annotations
 import fnmatch
 import json
 import math
+import os
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
@@ -24,17 +25,18 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from . import multigrain, windowed
+from ..sources.spec import find_file
+from . import meshes, multigrain, windowed
 from .costs import build, demo, draw, memory, select
 from .lab import Lab, Record, Say
 from .measuring import accuracy, measure_frames
 
 BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
-    "draw": (draw, multigrain.draw),
+    "draw": (draw, multigrain.draw, meshes.draw),
     "select": (select, multigrain.select),
-    "build": (build, multigrain.build),
+    "build": (build, multigrain.build, meshes.build),
     "memory": (memory, windowed.memory),
-    "measure": (measure_frames,),
+    "measure": (measure_frames, meshes.measure),
     "accuracy": (accuracy, multigrain.accuracy),
     "cuts": (multigrain.cuts,),
     "demo": (demo,),
@@ -102,7 +104,8 @@ def _field(record: Record, name: str) -> float:
 def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
     """One line for each bar that does not hold among the benchmarks that ran; empty when all hold.
 
-    A bar whose case was not measured, or measured as nan, does not hold.
+    A bar whose case was not measured, or measured as nan, does not hold; one that names a `file` of the folder of
+    further data stands only where that is there, or LODLAB_REQUIRE_DATA is 1.
 
     Raises:
         InvalidInput: A bar without bench, case, field or a limit.
@@ -113,7 +116,7 @@ def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
     for bar in tomllib.loads(file.read_text(encoding="utf-8"))["bar"]:
         if not {"bench", "case", "field"} <= bar.keys() or not {"min", "max"} & bar.keys():
             raise InvalidInput(f"{file}: a bar needs bench, case, field and min or max, not {sorted(bar)}")
-        if bar["bench"] not in ran:
+        if bar["bench"] not in ran or not _stands(bar):
             continue
         found = [r for r in records if r["bench"] == bar["bench"] and fnmatch.fnmatchcase(r["case"], bar["case"])]
         if not found:
@@ -126,6 +129,12 @@ def check(records: Sequence[Record], bars: Path | None = None) -> list[str]:
             if "max" in bar and not value <= bar["max"]:
                 failures.append(f"{where} is above {bar['max']:g}")
     return failures
+
+
+def _stands(bar: dict[str, Any]) -> bool:
+    """Whether the file is there whose cases a bar judges."""
+    file = bar.get("file")
+    return file is None or os.environ.get("LODLAB_REQUIRE_DATA") == "1" or find_file(file) is not None
 
 
 def table(records: Sequence[Record]) -> str:
