@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Adversaries put through the lab as any method is, and the detectors that look at what came out.
 
-A flight is two runs: a camera that moves along an arc from which all of the field is seen, and a still one. Pops
-are looked at in the first, where the honest choice never changes; of the second the law `still` speaks.
+A flight is two runs: a camera that moves along an arc from which all of the source is seen, and a still one. Pops
+are looked at in the first, where the honest choice never changes; of the second the law `still` speaks. Sources are a
+field, and a mesh of two components, one of them open.
 """
 
 from __future__ import annotations
@@ -31,42 +32,58 @@ ADVERSARIES = [m["name"] for m in lod.methods() if not (ROOMS / m["name"]).is_di
 SIZE = (320, 200)
 FOV = 40.0
 MOVING, STILL = "moving", "still"
-LOOSE = {"pixel_error": 12.0}  # half resolution is enough for it all along the arc
+LOOSE = {"pixel_error": 12.0}  # the coarser resolution is enough for it all along the arc
 POP_PX = 1.0  # a jump of a pixel: more than the honest ever make, and what pop_area counts
 
 
-class Range:
-    """A field, what it is measured against, and the adversaries built on it."""
+def accepting(kind: str) -> list[str]:
+    """The adversaries that accept sources of this kind."""
+    return [m["name"] for m in lod.methods() if m["name"] in ADVERSARIES and kind in m["accepts"]]
 
-    def __init__(self, folder: Path) -> None:
+
+def ball_and_bowl() -> lod.Mesh:
+    """A closed fractal ball, and beside it half of a sphere, which is open."""
+    ball, sphere = lod.datasets.load("blob:size=13"), lod.datasets.load("icosphere:level=3")
+    lower = sphere.positions[sphere.faces][:, :, 2].max(axis=1) < 0.1
+    positions = np.vstack([ball.positions, 0.6 * sphere.positions + [0.9, -1.6, 0.0]])
+    return lod.Mesh(positions, np.vstack([ball.faces, sphere.faces[lower] + len(ball.positions)]))
+
+
+class Range:
+    """A source, what it is measured against, and the adversaries built on it."""
+
+    def __init__(self, folder: Path, kind: str = "heightfield") -> None:
         self.folder = folder
-        self.field = lod.datasets.load("fractal:size=129,seed=3")
-        self.yardstick = yardstick.Yardstick(self.field, folder / "stores", progress=False)
+        if kind == "mesh":
+            self.source, self.middle, self.away, self.above = ball_and_bowl(), np.array([0.4, -0.7, 0.0]), 9.0, 3.0
+        else:
+            self.source = lod.datasets.load("fractal:size=129,seed=3")
+            self.middle, self.away, self.above = np.array([64.0 * 30.0, -64.0 * 30.0, 2000.0]), 7000.0, 1500.0
+        self.yardstick = yardstick.Yardstick(self.source, folder / "stores", progress=False)
         self.moving = lod.CameraPath.from_keys([self._key(t) for t in (0.0, 0.5, 1.0)], 3, FOV, MOVING)
-        self.still = lod.CameraPath.still(self.field, 3)
+        self.still = lod.CameraPath.still(self.source, 3)
         self._stores: dict[Any, Any] = {}
 
     def _key(self, t: float) -> dict[str, Any]:
-        """Low in the south-west, more than the field's side away from its middle, turning by 17 degrees.
+        """Low in the south-west, more than the source's side away from its middle, turning by 17 degrees.
 
-        The crack is in a side that faces east, lifted: from here it hides itself, and no picture shows it.
+        The crack of the field is in a side that faces east, lifted: from here it hides itself, and no picture shows it.
         """
-        middle = np.array([64.0 * 30.0, -64.0 * 30.0, 2000.0])
         angle = math.radians(-130.0 + 17.0 * t)
-        away = np.array([7000.0 * math.cos(angle), 7000.0 * math.sin(angle), 1500.0])
-        return {"t": t, "eye": (middle + away).tolist(), "target": middle.tolist()}
+        away = np.array([self.away * math.cos(angle), self.away * math.sin(angle), self.above])
+        return {"t": t, "eye": (self.middle + away).tolist(), "target": self.middle.tolist()}
 
     @property
     def pixel(self) -> float:
-        """The height in metres that a pixel of the first view of the arc spans in its middle."""
-        return 7000.0 / (0.5 * SIZE[0] / math.tan(math.radians(0.5 * FOV)))
+        """The height in source units that a pixel of the first view of the arc spans in its middle."""
+        return self.away / (0.5 * SIZE[0] / math.tan(math.radians(0.5 * FOV)))
 
     def store(self, method: str, gap: float = 0.0) -> Any:
-        """`method` built on the field; `gap`: in pixels."""
+        """`method` built on the source; `gap`: in pixels."""
         key = (method, gap)
         if key not in self._stores:
             file = self.folder / f"{method}-{len(self._stores)}.lod"
-            self._stores[key] = lod.build(self.field, method, file, progress=False, gap=gap * self.pixel)
+            self._stores[key] = lod.build(self.source, method, file, progress=False, gap=gap * self.pixel)
         return self._stores[key]
 
     def fly(self, method: str, budget: Mapping[str, Any] = LOOSE, gap: float = 0.0) -> Evidence:
@@ -74,7 +91,7 @@ class Range:
         store, parts = self.store(method, gap), []
         for path in (self.moving, self.still):
             flight = Flight(
-                f"{method}-{path.name}", self.field.spec, path.name, dict(budget), {}, len(path), SIZE,
+                f"{method}-{path.name}", self.source.spec, path.name, dict(budget), {}, len(path), SIZE,
                 accuracy_frames=len(path),
             )  # fmt: skip
             flown = passes.perform(store, path, flight, yardstick=self.yardstick)

@@ -14,11 +14,13 @@ from lodlab import _core, instrument
 from lodlab.errors import InvalidInput
 from lodlab.runs.passes import CaptureMismatch
 
-from .detectors import ADVERSARIES, DETECTORS, LOOSE, POP_PX, Range, caught, without_metric
+from .detectors import DETECTORS, LOOSE, POP_PX, Range, accepting, caught, without_metric
 
 TENTH = 0.1  # pixel: the crack's width, seen in the middle of the first frame
 NODES = 64
 FINE = NODES * 480  # triangles of all nodes at full resolution, those that vanish on their sides left out
+FIELD, MESH = "heightfield", "mesh"
+PATCHES, FACES = 9, 2384  # of the mesh: eight octants of the ball, and the bowl, which lies in one
 
 # Who is caught by whom. The first is the detector that the adversary was made for. Others fire rightly:
 # - false_twin: the finer cut that it claims has the smaller error; cuts by hand, which an audit draws, have no twin.
@@ -28,7 +30,11 @@ FINE = NODES * 480  # triangles of all nodes at full resolution, those that vani
 #   picture shows what is behind; a sample in it is infinitely far from the surface, in the frame and in the audit.
 # - disguise: filler that is to be seen before the surface is above it; filler below is slanted and no more.
 # - nothing: one hole, without a rim.
-EXPECTED: dict[str, tuple[str, ...]] = {
+# On the mesh a hole's bound says how far the source is from its rim, so that edges and picture alone show it; a
+# surface turned inside out shows its inside in the picture.
+# - dropped: what is missing shows as distance from the source.
+# - spur: no vertex of the source is far from what is drawn; what is drawn is far from it.
+ON_FIELD: dict[str, tuple[str, ...]] = {
     "honest": (),
     "computed": (),
     "false_twin": ("error",),
@@ -49,7 +55,30 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "under_reports": ("counts",),
     "nothing": ("holes", "crack_pixels", "error", "finite", "audit"),
 }
-GAPS = {"crack": TENTH, "corner": TENTH, "disguise": 5.0, "wall": 5.0}
+ON_MESH: dict[str, tuple[str, ...]] = {
+    "honest": (),
+    "half_bounds": ("error", "audit"),
+    "spur": ("audit",),
+    "dropped": ("error", "audit"),
+    "crack": ("crack_edges",),
+    "pop": ("pop_px_max", "pop_area"),
+    "flicker": ("still",),
+    "over_triangles": ("budgets",),
+    "over_nodes": ("budgets",),
+    "over_pixels": ("pixel_error",),
+    "hole": ("crack_edges", "crack_pixels"),
+    "inverted": ("winding", "crack_pixels"),
+    "two_faced": ("capture",),
+    "two_faced_whole": ("capture",),
+    "under_reports": ("counts",),
+    "nothing": ("crack_pixels", "error", "finite", "audit"),
+}
+EXPECTED = {FIELD: ON_FIELD, MESH: ON_MESH}
+ALL = [(kind, name) for kind, names in EXPECTED.items() for name in names]
+GAPS = {
+    FIELD: {"crack": TENTH, "corner": TENTH, "disguise": 5.0, "wall": 5.0},
+    MESH: {"crack": 0.01 * TENTH, "spur": 20.0},  # a node that moves as a whole shows against what is behind it
+}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,96 +92,124 @@ def without_likeness():
 
 @pytest.fixture(scope="module")
 def grounds(tmp_path_factory):
-    return Range(tmp_path_factory.mktemp("adversaries"))
+    return {kind: Range(tmp_path_factory.mktemp(f"adversaries-{kind}"), kind) for kind in EXPECTED}
 
 
 @pytest.fixture(scope="module")
 def budgets(grounds):
     """What each adversary flies under; those that exceed a budget get one that they exceed by one."""
-    coarse = grounds.fly("honest").moving["predicted_px"].max()
-    return {
-        "over_triangles": {"triangles": FINE - 1},
-        "over_nodes": {"nodes": NODES - 1},
-        "over_pixels": {"pixel_error": coarse - 0.999},
-    }
 
+    def of(kind, nodes, fine):
+        coarse = grounds[kind].fly("honest").moving["predicted_px"].max()
+        return {
+            "over_triangles": {"triangles": fine - 1},
+            "over_nodes": {"nodes": nodes - 1},
+            "over_pixels": {"pixel_error": coarse - 0.999},
+        }
 
-@pytest.fixture
-def fly(grounds, budgets):
-    return lambda name: grounds.fly(name, budgets.get(name, LOOSE), GAPS.get(name, 0.0))
+    return {FIELD: of(FIELD, NODES, FINE), MESH: of(MESH, PATCHES, FACES)}
 
 
 @pytest.fixture(scope="module")
-def seen(grounds, budgets, without_likeness):
+def fly(grounds, budgets, without_likeness):
+    return lambda kind, name: grounds[kind].fly(name, budgets[kind].get(name, LOOSE), GAPS[kind].get(name, 0.0))
+
+
+@pytest.fixture(scope="module")
+def seen(fly):
     """Each adversary's evidence with every detector in place."""
-    return {n: grounds.fly(n, budgets.get(n, LOOSE), GAPS.get(n, 0.0)) for n in EXPECTED}
+    return {(kind, name): fly(kind, name) for kind, name in ALL}
 
 
 def test_the_table_names_every_adversary_and_every_detector():
-    assert set(ADVERSARIES) == {*EXPECTED, "not_a_number"}
-    assert set().union(*EXPECTED.values()) == set(DETECTORS)
-    for name in DETECTORS:
-        assert any(name in by for by in EXPECTED.values())
+    for kind, names in EXPECTED.items():
+        assert set(accepting(kind)) == {*names, "not_a_number"}
+    assert set().union(*ON_FIELD.values()) == set(DETECTORS)
+    assert set().union(*ON_MESH.values()) == set(DETECTORS) - {"holes", "fillers", "raised"}, "those of fields"
 
 
-@pytest.mark.parametrize("name", EXPECTED)
-def test_caught_by_its_detectors_and_no_other(seen, name):
-    assert caught(seen[name]) == set(EXPECTED[name])
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_caught_by_its_detectors_and_no_other(seen, kind, name):
+    assert caught(seen[kind, name]) == set(EXPECTED[kind][name])
 
 
-@pytest.mark.parametrize(("name", "detector"), [(name, d) for name, by in EXPECTED.items() for d in by])
+@pytest.mark.parametrize(("name", "detector"), [(n, d) for n, by in ON_FIELD.items() for d in by])
 def test_without_a_detector_the_others_remain(fly, monkeypatch, name, detector):
     DETECTORS[detector].disable(monkeypatch)
-    assert caught(fly(name)) == set(EXPECTED[name]) - {detector}
+    assert caught(fly(FIELD, name)) == set(ON_FIELD[name]) - {detector}
 
 
-@pytest.mark.parametrize("name", [name for name, by in EXPECTED.items() if len(by) > 1])
-def test_without_its_detectors_it_passes(fly, monkeypatch, name):
-    for detector in EXPECTED[name]:
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in ALL if len(EXPECTED[k][n]) > (k == FIELD)])
+def test_without_its_detectors_it_passes(fly, monkeypatch, kind, name):
+    for detector in EXPECTED[kind][name]:
         DETECTORS[detector].disable(monkeypatch)
-    assert caught(fly(name)) == set()
+    assert caught(fly(kind, name)) == set()
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "metric"),
+    ("kind", "name", "law", "metric"),
     [
-        ("inverted", "winding", "inverted_triangles"),
-        ("disguise", "fillers", "slanted_filler_triangles"),
-        ("two_faced", "capture", "capture_mismatch_pixels"),
-        ("two_faced_whole", "capture", "capture_mismatch_pixels"),
-        ("hole", "holes", "hole_samples"),
-        ("flicker", "still", "pop_px_max"),
-        ("half_bounds", "error", "measured_px_max"),
+        (FIELD, "inverted", "winding", "inverted_triangles"),
+        (FIELD, "disguise", "fillers", "slanted_filler_triangles"),
+        (FIELD, "two_faced", "capture", "capture_mismatch_pixels"),
+        (FIELD, "two_faced_whole", "capture", "capture_mismatch_pixels"),
+        (FIELD, "hole", "holes", "hole_samples"),
+        (FIELD, "flicker", "still", "pop_px_max"),
+        (FIELD, "half_bounds", "error", "measured_px_max"),
+        (MESH, "inverted", "winding", "inverted_triangles"),
+        (MESH, "dropped", "error", "measured_px_max"),
     ],
 )
-def test_a_law_is_blind_without_its_metric(fly, monkeypatch, name, law, metric):
-    assert law in EXPECTED[name]
+def test_a_law_is_blind_without_its_metric(fly, monkeypatch, kind, name, law, metric):
+    assert law in EXPECTED[kind][name]
     without_metric(monkeypatch, metric)
-    assert law not in caught(fly(name))
+    assert law not in caught(fly(kind, name))
 
 
-@pytest.mark.parametrize("honest", ["honest", "computed"])
+@pytest.mark.parametrize(("kind", "honest"), [(FIELD, "honest"), (FIELD, "computed"), (MESH, "honest")])
 @pytest.mark.parametrize("name", ["over_triangles", "over_nodes", "over_pixels"])
-def test_the_honest_pass_under_every_budget(grounds, budgets, name, honest):
-    evidence = grounds.fly(honest, budgets[name])
+def test_the_honest_pass_under_every_budget(grounds, budgets, name, kind, honest):
+    evidence = grounds[kind].fly(honest, budgets[kind][name])
     assert caught(evidence) == set()
     assert evidence.moving["budget_met"].all() == (name != "over_nodes"), "63 nodes cannot cover 64"
 
 
-def test_the_honest_agree_at_any_mix_of_resolutions(grounds):
+@pytest.mark.parametrize(("kind", "nodes"), [(FIELD, NODES), (MESH, PATCHES)])
+def test_the_honest_agree_at_any_mix_of_resolutions(grounds, kind, nodes):
     """So a crack is its maker's, not the family's."""
-    store = grounds.store("honest")
+    store = grounds[kind].store("honest")
     session = store.core.session({})
-    mixed = np.random.default_rng(4).integers(2, size=NODES).tolist()
-    cut = session.cut(list(range(NODES)), mixed)
-    measured = _core.Instrument(grounds.field.core).examine(session, cut, grounds.moving.view(0), pictures=False)
-    assert 0 < sum(mixed) < NODES
-    assert measured.crack_edges == measured.hole_samples == measured.inverted_triangles == 0
+    mixed = np.random.default_rng(4).integers(2, size=nodes).tolist()
+    cut = session.cut(list(range(nodes)), mixed)
+    measured = _core.Instrument(grounds[kind].source.core).examine(
+        session, cut, grounds[kind].moving.view(0), pictures=False
+    )
+    assert 0 < sum(mixed) < nodes
+    assert measured.crack_edges == measured.inverted_triangles == 0
+    assert measured.hole_samples == 0 or kind == MESH
     assert len(instrument.audit(store, cuts=20, progress=False).broken) == 0
 
 
+def test_the_flaws_of_meshes_are_as_large_as_they_say(seen, grounds):
+    frames = {name: evidence.moving for (kind, name), evidence in seen.items() if kind == MESH}
+    honest = frames["honest"]["triangles"]
+    assert (
+        (frames["honest"]["nodes"] == PATCHES).all() and (0.3 * FACES < honest).all() and (honest < 0.4 * FACES).all()
+    )
+    assert (frames["inverted"]["inverted_triangles"] == honest).all()
+    gap = GAPS[MESH]["spur"] * grounds[MESH].pixel
+    spur = frames["spur"]
+    assert np.allclose(spur["measured_max_drawn_to_source"], gap, rtol=0.05)
+    to_drawn = "measured_max_source_to_drawn"
+    assert np.allclose(spur[to_drawn], frames["honest"][to_drawn], rtol=1e-3), "as if it were not there"
+    dropped = frames["dropped"]
+    assert (dropped[to_drawn] > 1.0).all() and (dropped["triangles"] < honest).all()
+    assert (frames["hole"]["crack_edges"] == honest - frames["hole"]["triangles"]).all(), "a fan, and its rim"
+    assert (frames["pop"].dropna(subset=["pop_px_max"])["pop_px_max"] > 2 * POP_PX).all()
+
+
 def test_the_flaws_are_as_large_as_they_say(seen):
-    frames = {name: evidence.moving for name, evidence in seen.items()}
+    frames = {name: evidence.moving for (kind, name), evidence in seen.items() if kind == FIELD}
     assert (frames["honest"]["pop_px_max"].dropna() == 0.0).all() and len(frames["honest"]) == 3
     assert (frames["honest"]["nodes"] == NODES).all()
     assert (frames["crack"]["crack_edges"] == 16).all(), "eight edges, two sides"
@@ -162,8 +219,10 @@ def test_the_flaws_are_as_large_as_they_say(seen):
     pops = frames["pop"].dropna(subset=["pop_px_max"])
     assert (pops["pop_px_max"] > 2 * POP_PX).all(), "several pixels"
     assert (pops["measured_px_max"] <= pops["predicted_px"]).all(), "its bounds hold"
-    still = seen["flicker"].still
-    assert (still["pop_px_max"].iloc[1:] > POP_PX).all() and (seen["flicker"].moving["pop_px_max"].iloc[1:] == 0).all()
+    still = seen[FIELD, "flicker"].still
+    assert (still["pop_px_max"].iloc[1:] > POP_PX).all() and (
+        seen[FIELD, "flicker"].moving["pop_px_max"].iloc[1:] == 0
+    ).all()
     assert (frames["hole"]["hole_samples"] == 9).all() and (frames["hole"]["crack_edges"] == 8).all()
     assert (frames["inverted"]["inverted_triangles"] == NODES * 128).all()
     assert (frames["disguise"]["slanted_filler_triangles"] == NODES * 128).all()
@@ -176,25 +235,28 @@ def test_the_flaws_are_as_large_as_they_say(seen):
 
 
 def test_nothing_drawn_is_measured_and_not_a_failure(seen, grounds):
-    frames = seen["nothing"].moving
+    frames = seen[FIELD, "nothing"].moving
     assert (frames["hole_samples"] == frames["measured_samples"]).all() and (frames["triangles"] == 0).all()
     assert np.isinf(frames["measured_max"]).all() and np.isfinite(frames["psnr_db"]).all()
-    session = grounds.store("nothing").core.session({})
-    view = grounds.moving.view(0, (64, 48))
+    session = grounds[FIELD].store("nothing").core.session({})
+    view = grounds[FIELD].moving.view(0, (64, 48))
     cut = session.select(view, _core.Budget(**LOOSE))
     captured = session.capture(cut, view, True)
     assert captured.triangles.shape == (0, 3, 3) and captured.node.shape == captured.kind.shape == (0,)
 
 
-def test_a_vertex_that_is_no_number_names_method_and_node(grounds):
-    with pytest.raises(InvalidInput, match=r"not_a_number.*node 27"):
-        grounds.fly("not_a_number")
+@pytest.mark.parametrize(("kind", "node"), [(FIELD, 27), (MESH, 0)])
+def test_a_vertex_that_is_no_number_names_method_and_node(grounds, kind, node):
+    with pytest.raises(InvalidInput, match=rf"not_a_number.*node {node}"):
+        grounds[kind].fly("not_a_number")
 
 
 @pytest.mark.parametrize("name", ["two_faced", "two_faced_whole"])
 def test_a_flight_of_the_two_faced_ends_with_an_error(grounds, name):
     with pytest.raises(CaptureMismatch, match=r"frame 1: .* differ from the drawn frame"):
-        lod.fly(grounds.store(name), grounds.moving, LOOSE, size=(64, 48), accuracy_frames=1, progress=False)
+        lod.fly(
+            grounds[FIELD].store(name), grounds[FIELD].moving, LOOSE, size=(64, 48), accuracy_frames=1, progress=False
+        )
 
 
 def test_captures_larger_than_the_first_buffer_are_whole(tmp_path):

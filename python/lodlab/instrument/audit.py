@@ -239,7 +239,7 @@ class _Auditor:
                 "measured": measured.reindex(drawn["node"]).to_numpy(),
             }
         )
-        if measurement.hole_samples > 0:
+        if measurement.hole_samples > 0 or not len(captured):
             hole = {"node": NOWHERE, "level": NOWHERE, "resolution": 0, "morph": math.nan, "bound": 0.0}
             rows = pd.concat([rows, pd.DataFrame([{**hole, "measured": math.inf}])], ignore_index=True)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The adversaries: each does one thing wrong on purpose (family.h says what they do right), and exists to
 // prove that the detector made for it can fail. The table of who catches whom is in
-// tests/adversaries/test_adversaries.py. Flaws of the mesh sit in node 27, in the midst of an 8 x 8 grid of
-// nodes (a field of 129 x 129 samples), unless they are everywhere.
+// tests/adversaries/test_adversaries.py. Flaws of what is drawn sit in node 27, in the midst of an 8 x 8 grid
+// of nodes (a field of 129 x 129 samples), or in node 0 of a mesh, unless they are everywhere.
 #include <epoxy/gl.h>
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 
 #include "family.h"
 
@@ -18,15 +19,22 @@ constexpr uint32_t kRow = kSide + 1;  // vertices in a row of a node's lattice
 
 bool whole(const Mesh& mesh) { return mesh.vertices.size() == kRow * kRow; }
 bool marked(const Mesh& mesh) { return mesh.node == kMarked && whole(mesh); }
+bool marked(const Patch& patch) { return patch.node == 0; }
+
+const std::vector<std::string> kFields{"heightfield"}, kMeshes{"mesh"};
 
 struct HalfBounds : Family {
   HalfBounds() : Family("half_bounds", "Claims half of its largest deviation.") {}
   double bound(double deviation) const override { return 0.5 * deviation; }
 };
 
-/// The vertices of the east side move up, its ends left where they are.
+/// The vertices of the east side move up, its ends left where they are; of a mesh the whole node moves.
 struct Crack : Family {
-  Crack() : Family("crack", "Opens a crack along one side of one node.") {}
+  Crack() : Family("crack", "Opens a crack between one node and its neighbours.") {}
+  void change(Patch& patch, double gap) const override {
+    if (!marked(patch)) return;
+    for (glm::dvec3& p : patch.mesh.positions) p.z += gap;
+  }
   void change(Mesh& mesh, double gap) const override {
     if (!marked(mesh)) return;
     for (uint32_t row = 1; row < kSide; ++row)
@@ -35,7 +43,7 @@ struct Crack : Family {
 };
 
 struct Corner : Family {
-  Corner() : Family("corner", "One node disagrees with its neighbours at one corner.") {}
+  Corner() : Family("corner", "One node disagrees with its neighbours at one corner.", kFields) {}
   void change(Mesh& mesh, double gap) const override {
     if (marked(mesh)) mesh.vertices[kRow * kRow - 1].height += static_cast<float>(gap);
   }
@@ -96,6 +104,50 @@ struct Hole : Family {
     }
     mesh.indices = kept;
   }
+  void change(Patch& patch, double) const override {
+    if (!marked(patch)) return;
+    const uint32_t middle = middle_of(patch);
+    std::erase_if(patch.mesh.faces, [&](const Face& face) {
+      return std::find(face.begin(), face.end(), middle) != face.end();
+    });
+  }
+
+ private:
+  static uint32_t middle_of(const Patch& patch) {
+    const std::vector<glm::dvec3>& all = patch.mesh.positions;
+    const glm::dvec3 mean =
+        std::accumulate(all.begin(), all.end(), glm::dvec3(0.0)) / static_cast<double>(all.size());
+    const auto nearer = [&](const glm::dvec3& a, const glm::dvec3& b) {
+      return glm::distance(a, mean) < glm::distance(b, mean);
+    };
+    return static_cast<uint32_t>(std::min_element(all.begin(), all.end(), nearer) - all.begin());
+  }
+};
+
+/// A fin of no thickness: two triangles back to back.
+struct Spur : Family {
+  Spur()
+      : Family("spur", "Draws a spur where the source has none, and does not say so in its bound.", kMeshes) {
+  }
+  void change(Patch& patch, double gap) const override {
+    if (!marked(patch)) return;
+    const Triangle t = patch.mesh.triangle(0);
+    const auto [a, b, c] = patch.mesh.faces[0];
+    const auto tip = static_cast<uint32_t>(patch.mesh.positions.size());
+    patch.mesh.positions.push_back(t[0] + gap * glm::normalize(glm::cross(t[1] - t[0], t[2] - t[0])));
+    patch.mesh.faces.push_back({a, b, tip});
+    patch.mesh.faces.push_back({b, a, tip});
+  }
+  bool owns_up() const override { return false; }
+};
+
+struct Dropped : Family {
+  Dropped()
+      : Family("dropped", "Leaves out a whole component, and does not say so in its bounds.", kMeshes) {}
+  void change(Patch& patch, double) const override {
+    if (patch.component == 1) patch.mesh = {};
+  }
+  bool owns_up() const override { return false; }
 };
 
 /// A triangle less a node, wherever it is asked.
@@ -108,6 +160,9 @@ struct Inverted : Family {
   Inverted() : Family("inverted", "Winds every triangle the other way.") {}
   void change(Mesh& mesh, double) const override {
     for (size_t i = 0; i < mesh.indices.size(); i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
+  }
+  void change(Patch& patch, double) const override {
+    for (Face& face : patch.mesh.faces) std::swap(face[0], face[1]);
   }
 };
 
@@ -133,7 +188,7 @@ struct TwoFacedWhole : Family {
 
 /// The true surface below, and a copy of it that says it is filler and bulges above it in every node.
 struct Disguise : Family {
-  Disguise() : Family("disguise", "Hides its surface below a bad one that it labels as filler.") {}
+  Disguise() : Family("disguise", "Hides its surface below a bad one that it labels as filler.", kFields) {}
   void change(Mesh& mesh, double gap) const override {
     const auto vertices = static_cast<uint32_t>(mesh.vertices.size());
     const size_t corners = mesh.indices.size();
@@ -149,7 +204,7 @@ struct Disguise : Family {
 
 /// Upright fillers, taller than anything that they could hide.
 struct Wall : Family {
-  Wall() : Family("wall", "Puts up walls of filler before its surface.") {}
+  Wall() : Family("wall", "Puts up walls of filler before its surface.", kFields) {}
   void change(Mesh& mesh, double gap) const override {
     if (!whole(mesh)) return;
     for (uint32_t i = kRow * (kSide / 2), end = i + kSide; i < end; ++i) {
@@ -171,6 +226,10 @@ struct NotANumber : Family {
   void change(Mesh& mesh, double) const override {
     if (marked(mesh)) mesh.vertices[kRow * 4 + 4].height = std::numeric_limits<float>::quiet_NaN();
   }
+  void change(Patch& patch, double) const override {
+    if (marked(patch)) patch.mesh.positions[0].x = std::numeric_limits<double>::quiet_NaN();
+  }
+  bool owns_up() const override { return false; }  // there is no distance to it
 };
 
 struct Nothing : Family {
@@ -182,8 +241,8 @@ struct Nothing : Family {
 struct Computed : Family {
   explicit Computed(std::string name = "computed",
                     std::string flaw = "Does nothing wrong, and selects in a compute pass.")
-      : Family(std::move(name), std::move(flaw)) {}
-  std::unique_ptr<Session> session(std::shared_ptr<const FamilyHierarchy> hierarchy) const override {
+      : Family(std::move(name), std::move(flaw), kFields) {}
+  std::unique_ptr<Session> session(std::shared_ptr<const FieldHierarchy> hierarchy) const override {
     return computed_session(std::move(hierarchy));
   }
 };
@@ -206,6 +265,8 @@ const OverTriangles kOverTriangles;
 const OverNodes kOverNodes;
 const OverPixels kOverPixels;
 const Hole kHole;
+const Spur kSpur;
+const Dropped kDropped;
 const UnderReports kUnderReports;
 const Inverted kInverted;
 const TwoFaced kTwoFaced;
@@ -218,9 +279,10 @@ const Nothing kNothing;
 /// They join the registry when the module is loaded.
 const bool kRegistered = [] {
   for (const Method* method : std::initializer_list<const Method*>{
-           &kHonest,   &kComputed,      &kFalseTwin, &kHalfBounds, &kCrack,      &kCorner,       &kPop,
-           &kFlicker,  &kOverTriangles, &kOverNodes, &kOverPixels, &kHole,       &kUnderReports, &kInverted,
-           &kTwoFaced, &kTwoFacedWhole, &kDisguise,  &kWall,       &kNotANumber, &kNothing})
+           &kHonest,       &kComputed, &kFalseTwin,     &kHalfBounds,    &kCrack,      &kCorner,
+           &kPop,          &kFlicker,  &kOverTriangles, &kOverNodes,     &kOverPixels, &kHole,
+           &kUnderReports, &kInverted, &kTwoFaced,      &kTwoFacedWhole, &kDisguise,   &kWall,
+           &kNotANumber,   &kNothing,  &kSpur,          &kDropped})
     register_method(method);
   return true;
 }();

@@ -85,20 +85,20 @@ Node make_node(const Family& method, const HeightField& field, double gap, int64
   return node;
 }
 
-MethodInfo make_info(std::string name, std::string flaw) {
+MethodInfo make_info(std::string name, std::string flaw, std::vector<std::string> accepts) {
   using enum Stage;
-  return {
-      std::move(name),
-      std::move(flaw),
-      {"heightfield"},
-      {"pixel_error", "triangles", "nodes"},
-      false,
-      {{"gap", 0.0, kBuild, "source units", "How far the flaw moves vertices up, where it does.", {}, 0.0}}};
+  return {std::move(name),
+          std::move(flaw),
+          std::move(accepts),
+          {"pixel_error", "triangles", "nodes"},
+          false,
+          {{"gap", 0.0, kBuild, "source units", "How far the flaw moves vertices, where it does.", {}, 0.0}}};
 }
 
 }  // namespace
 
-Family::Family(std::string name, std::string flaw) : info_(make_info(std::move(name), std::move(flaw))) {}
+Family::Family(std::string name, std::string flaw, std::vector<std::string> accepts)
+    : info_(make_info(std::move(name), std::move(flaw), std::move(accepts))) {}
 
 Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heights, double gap, int64_t node,
                int resolution) {
@@ -136,6 +136,8 @@ Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heigh
 
 void Family::build(const Source& source, const Options& options, StoreWriter& writer,
                    const Progress& progress) const {
+  if (const auto* mesh = dynamic_cast<const lodlab::Mesh*>(&source))
+    return build_patches(*this, *mesh, options.real("gap"), writer);
   const HeightField& field = field_in_memory(source, "build: " + info_.name);
   const std::vector<float> heights(field.heights, field.heights + field.rows * field.cols);
   if (!writer.has_page(kHeights, 0)) writer.put_page(kHeights, 0, as_bytes(heights));
@@ -151,16 +153,19 @@ void Family::build(const Source& source, const Options& options, StoreWriter& wr
 }
 
 std::shared_ptr<const Hierarchy> Family::open(std::shared_ptr<const Store> store) const {
-  return std::make_shared<FamilyHierarchy>(*this, std::move(store));
+  if (kind_of_frame(store->meta().frame) == "mesh") return open_patches(*this, *store);
+  return std::make_shared<FieldHierarchy>(*this, *store);
 }
 
-FamilyHierarchy::FamilyHierarchy(const Family& family, std::shared_ptr<const Store> store)
-    : method(family),
-      frame(frame_from_json(store->meta().frame)),
-      node(store->array_of<Node>("nodes")),
-      coverage(store->has_page(kCoverage, 0) ? store->page(kCoverage, 0) : Bytes()),
-      gap(store->array_of<double>("gap").at(0)) {
-  const Bytes bytes = store->page(kHeights, 0);
+FamilyHierarchy::FamilyHierarchy(const Family& family, const Store& store)
+    : method(family), node(store.array_of<Node>("nodes")) {}
+
+FieldHierarchy::FieldHierarchy(const Family& family, const Store& store)
+    : FamilyHierarchy(family, store),
+      frame(frame_from_json(store.meta().frame)),
+      coverage(store.has_page(kCoverage, 0) ? store.page(kCoverage, 0) : Bytes()),
+      gap(store.array_of<double>("gap").at(0)) {
+  const Bytes bytes = store.page(kHeights, 0);
   const auto* values = reinterpret_cast<const float*>(bytes.data());
   heights.assign(values, values + bytes.size() / sizeof(float));
 }
@@ -176,7 +181,7 @@ std::vector<NodeInfo> FamilyHierarchy::nodes() const {
   return out;
 }
 
-std::unique_ptr<Session> FamilyHierarchy::session(const Options&) const {
+std::unique_ptr<Session> FieldHierarchy::session(const Options&) const {
   return method.session(shared_from_this());
 }
 

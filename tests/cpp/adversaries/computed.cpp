@@ -65,9 +65,9 @@ Uniforms uniforms_of(const Camera& camera, const Budget& allowed, size_t nodes) 
   return u;
 }
 
-class ComputedSession : public FamilySession {
+class ComputedSession : public FieldSession {
  public:
-  using FamilySession::FamilySession;
+  using FieldSession::FieldSession;
 
   Cut select(const Request& request) override;
   void resolve(Cut& cut) const override;
@@ -78,7 +78,7 @@ class ComputedSession : public FamilySession {
 
  private:
   struct Buffers {
-    explicit Buffers(const FamilyHierarchy& hierarchy, const std::vector<Gpu::Range>& ranges);
+    explicit Buffers(const FieldHierarchy& hierarchy, const std::vector<Gpu::Range>& ranges);
 
     gl::Program program;
     gl::Buffer nodes, commands, counts{sizeof(Counts)}, uniforms{sizeof(Uniforms)};
@@ -104,12 +104,12 @@ void ComputedSession::resolve(Cut& cut) const {
 }
 
 std::string ComputedSession::digest(const Cut& cut) const {
-  if (cut.record == nullptr) return FamilySession::digest(cut);
+  if (cut.record == nullptr) return FieldSession::digest(cut);
   const Uniforms& uniforms = static_cast<const Selection&>(*cut.record).uniforms;
   return store::digest_of(std::as_bytes(std::span(&uniforms, 1)));
 }
 
-ComputedSession::Buffers::Buffers(const FamilyHierarchy& hierarchy, const std::vector<Gpu::Range>& ranges)
+ComputedSession::Buffers::Buffers(const FieldHierarchy& hierarchy, const std::vector<Gpu::Range>& ranges)
     : program({{{GL_COMPUTE_SHADER, "adversaries/select.comp"}}, {"LODLAB_REAL double"}, {}}),
       commands(static_cast<int64_t>(hierarchy.node.size() * sizeof(gl::DrawCommand))) {
   std::vector<GpuNode> all;
@@ -191,12 +191,12 @@ void ComputedSession::draw(const Cut&, render::Pass& pass) {
 }
 
 int64_t ComputedSession::resident_bytes() const {
-  return FamilySession::resident_bytes() + (buffers_ ? buffers_->bytes() : 0);
+  return FieldSession::resident_bytes() + (buffers_ ? buffers_->bytes() : 0);
 }
 
 }  // namespace
 
-std::unique_ptr<Session> computed_session(std::shared_ptr<const FamilyHierarchy> hierarchy) {
+std::unique_ptr<Session> computed_session(std::shared_ptr<const FieldHierarchy> hierarchy) {
   return std::make_unique<ComputedSession>(std::move(hierarchy));
 }
 

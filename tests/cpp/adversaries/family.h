@@ -3,11 +3,12 @@
 // place where a method can go wrong. A member of the family overrides one hook, so that what the instrument
 // finds in it is that flaw and nothing else; the member that overrides none proves it.
 //
-// A flat field is cut into nodes of 16 x 16 cells (fewer at the east and south borders), all of them roots,
-// each drawn at half resolution (0) or at full (1). Along its sides a node has even samples and the last
-// alone, at either resolution: odd vertices there are moved on to their even neighbour. So neighbours always
-// agree, and a node has one surface per resolution, whose largest deviation from the source is found at build
-// and is its bound.
+// A mesh is cut into nodes by components and, within the box of all, by octants, each drawn simplified (0),
+// its rim left as it is, or as it is (1); the bound is the largest distance either way. A flat field is cut
+// into nodes of 16 x 16 cells (fewer at the east and south borders), all of them roots, each drawn at half
+// resolution (0) or at full (1). Along its sides a node has even samples and the last alone, at either
+// resolution: odd vertices there are moved on to their even neighbour. So neighbours always agree, and a node
+// has one surface per resolution, whose largest deviation from the source is found at build and is its bound.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +18,9 @@
 #include <string>
 #include <vector>
 
+#include "geometry/height_field.h"
+#include "geometry/mesh.h"
+#include "geometry/mesh_surface.h"
 #include "method/method.h"
 
 namespace lodlab::adversaries {
@@ -38,11 +42,19 @@ struct Mesh {
   std::vector<uint32_t> indices;
 };
 
-class FamilyHierarchy;
+/// The triangles of one node of a mesh at one resolution.
+struct Patch {
+  int64_t node = 0;
+  int64_t component = 0;
+  int resolution = 0;
+  WeldedMesh mesh;
+};
+
+class FieldHierarchy;
 
 class Family : public Method {
  public:
-  Family(std::string name, std::string flaw);
+  Family(std::string name, std::string flaw, std::vector<std::string> accepts = {"heightfield", "mesh"});
 
   const MethodInfo& info() const override { return info_; }
   void build(const Source& source, const Options& options, StoreWriter& writer,
@@ -53,6 +65,9 @@ class Family : public Method {
 
   /// Changes a node's triangles; the bound is that of the mesh as changed.
   virtual void change(Mesh&, double /*gap*/) const {}
+  virtual void change(Patch&, double /*gap*/) const {}
+  /// Whether the bound of a patch is that of its triangles as changed.
+  virtual bool owns_up() const { return true; }
   /// The bound that the store keeps, from the largest deviation.
   virtual double bound(double deviation) const { return deviation; }
   /// The number of triangles that it reports of a node.
@@ -64,8 +79,8 @@ class Family : public Method {
   virtual int choose(int honest, int /*before*/, bool /*again*/) const { return honest; }
   /// The resolution that is drawn where the cut has this one, in the midst of a pass; -1: nothing.
   virtual int drawn(int resolution, const render::Pass&) const { return resolution; }
-  /// How it selects and draws: on the CPU, or on the GPU (computed.cpp).
-  virtual std::unique_ptr<Session> session(std::shared_ptr<const FamilyHierarchy> hierarchy) const;
+  /// How it selects and draws on fields: on the CPU, or on the GPU (computed.cpp).
+  virtual std::unique_ptr<Session> session(std::shared_ptr<const FieldHierarchy> hierarchy) const;
   /// The resolution that the twin on the CPU claims where the GPU selects this one.
   virtual int claimed(int selected) const { return selected; }
 
@@ -80,18 +95,25 @@ struct Node {
   int64_t triangles[kResolutions], fillers[kResolutions];
 };
 
-class FamilyHierarchy : public Hierarchy, public std::enable_shared_from_this<FamilyHierarchy> {
+class FamilyHierarchy : public Hierarchy {
  public:
-  FamilyHierarchy(const Family& method, std::shared_ptr<const Store> store);
+  FamilyHierarchy(const Family& method, const Store& store);
 
   std::vector<NodeInfo> nodes() const override;
   double quantum() const override { return 0.0; }
+
+  const Family& method;
+  std::vector<Node> node;
+};
+
+class FieldHierarchy : public FamilyHierarchy, public std::enable_shared_from_this<FieldHierarchy> {
+ public:
+  FieldHierarchy(const Family& method, const Store& store);
+
   int64_t vertices() const override { return frame.rows * frame.cols; }
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
-  const Family& method;
   FieldFrame frame;
-  std::vector<Node> node;
   std::vector<float> heights;
   Bytes coverage;
   double gap = 0.0;
@@ -101,22 +123,24 @@ class FamilyHierarchy : public Hierarchy, public std::enable_shared_from_this<Fa
 Mesh make_mesh(const Family& method, const FieldFrame& frame, const float* heights, double gap, int64_t node,
                int resolution);
 
+/// The family on meshes: mesh.cpp.
+void build_patches(const Family& method, const lodlab::Mesh& source, double gap, StoreWriter& writer);
+std::shared_ptr<const Hierarchy> open_patches(const Family& method, const Store& store);
+
 class FamilySession : public Session {
  public:
-  explicit FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy);
-  ~FamilySession() override;
+  explicit FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy) : nodes_(std::move(hierarchy)) {}
 
   Cut select(const Request& request) override;
   Cut cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const override;
   std::vector<Cut> audit_cuts() const override;
   void draw(const Cut& cut, render::Pass& pass) override;
   void reset() override;
-  int64_t resident_bytes() const override;
 
  protected:
-  const FamilyHierarchy& hierarchy() const { return *hierarchy_; }
-  struct Gpu;  // GL objects, made by the first draw: gpu.h
-  Gpu& gpu();
+  /// What comes before the nodes of a pass, and each of them.
+  virtual void begin(render::Pass& pass) = 0;
+  virtual void draw_node(uint32_t node, int resolution, render::Pass& pass) = 0;
   /// The claim of the cut whose resolution `pick` makes of the honest one.
   Claim claim(const Request& request, const std::function<int(int)>& pick) const;
 
@@ -124,13 +148,31 @@ class FamilySession : public Session {
   Claim uniform(const View& view, int resolution) const;
   void add(Claim& claim, int64_t node, int resolution, bool visible) const;
 
-  std::shared_ptr<const FamilyHierarchy> hierarchy_;
+  std::shared_ptr<const FamilyHierarchy> nodes_;
   std::optional<View> view_;  ///< of the last selection, and its resolution
   int resolution_ = -1;
+};
+
+class FieldSession : public FamilySession {
+ public:
+  explicit FieldSession(std::shared_ptr<const FieldHierarchy> hierarchy);
+  ~FieldSession() override;
+
+  int64_t resident_bytes() const override;
+
+ protected:
+  void begin(render::Pass& pass) override;
+  void draw_node(uint32_t node, int resolution, render::Pass& pass) override;
+  const FieldHierarchy& hierarchy() const { return *hierarchy_; }
+  struct Gpu;  // GL objects, made by the first draw: gpu.h
+  Gpu& gpu();
+
+ private:
+  std::shared_ptr<const FieldHierarchy> hierarchy_;
   std::unique_ptr<Gpu> gpu_;
 };
 
 /// A session that selects in a compute shader and draws what that has left in a buffer: computed.cpp.
-std::unique_ptr<Session> computed_session(std::shared_ptr<const FamilyHierarchy> hierarchy);
+std::unique_ptr<Session> computed_session(std::shared_ptr<const FieldHierarchy> hierarchy);
 
 }  // namespace lodlab::adversaries

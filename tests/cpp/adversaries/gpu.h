@@ -8,12 +8,12 @@
 
 namespace lodlab::adversaries {
 
-struct FamilySession::Gpu {
+struct FieldSession::Gpu {
   struct Range {
     uint32_t first = 0, count = 0;  ///< indices
     uint32_t vertices = 0;
   };
-  explicit Gpu(const FamilyHierarchy& hierarchy);
+  explicit Gpu(const FieldHierarchy& hierarchy);
 
   render::SurfaceProgram program{{"vertex", "adversaries/node.vert"}};
   std::shared_ptr<const render::Surface> field;

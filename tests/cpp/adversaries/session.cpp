@@ -24,11 +24,8 @@ bool same(const View& a, const View& b) {
 
 }  // namespace
 
-FamilySession::FamilySession(std::shared_ptr<const FamilyHierarchy> hierarchy)
-    : hierarchy_(std::move(hierarchy)) {}
-
 void FamilySession::add(Claim& claim, int64_t id, int resolution, bool visible) const {
-  const Node& node = hierarchy_->node[static_cast<size_t>(id)];
+  const Node& node = nodes_->node[static_cast<size_t>(id)];
   CutNode picked;
   picked.node = static_cast<uint32_t>(id);
   picked.resolution = static_cast<uint32_t>(resolution);
@@ -44,8 +41,8 @@ void FamilySession::add(Claim& claim, int64_t id, int resolution, bool visible) 
 Claim FamilySession::uniform(const View& view, int resolution) const {
   const Camera camera = make_camera(view);
   Claim claim;
-  for (size_t id = 0; id < hierarchy_->node.size(); ++id) {
-    const Node& node = hierarchy_->node[id];
+  for (size_t id = 0; id < nodes_->node.size(); ++id) {
+    const Node& node = nodes_->node[id];
     const bool visible = camera.sees(box_of(node));
     add(claim, static_cast<int64_t>(id), resolution, visible);
     if (!visible) continue;
@@ -57,7 +54,7 @@ Claim FamilySession::uniform(const View& view, int resolution) const {
 }
 
 Claim FamilySession::claim(const Request& request, const std::function<int(int)>& pick) const {
-  const Budget allowed = hierarchy_->method.allowed(request.budget);
+  const Budget allowed = nodes_->method.allowed(request.budget);
   Claim claims[kResolutions] = {uniform(request.view, 0), uniform(request.view, 1)};
   const int honest =
       (allowed.pixel_error && claims[0].within(allowed)) || !claims[1].within_hard(allowed) ? 0 : 1;
@@ -75,7 +72,7 @@ Cut FamilySession::select(const Request& request) {
   const bool again = view_ && same(*view_, request.view);
   view_ = request.view;
   return {request, nullptr, claim(request, [&](int honest) {
-            return resolution_ = hierarchy_->method.choose(honest, resolution_, again);
+            return resolution_ = nodes_->method.choose(honest, resolution_, again);
           })};
 }
 
@@ -85,7 +82,7 @@ void FamilySession::reset() {
 }
 
 Cut FamilySession::cut(const std::vector<int64_t>& nodes, const std::vector<int32_t>& resolutions) const {
-  const size_t count = hierarchy_->node.size();
+  const size_t count = nodes_->node.size();
   std::vector<int> picked(count, -1);
   if (!resolutions.empty() && resolutions.size() != nodes.size())
     throw InvalidInput("cut: as many resolutions as nodes are needed, or none");
@@ -110,14 +107,24 @@ Cut FamilySession::cut(const std::vector<int64_t>& nodes, const std::vector<int3
 
 /// A node has one surface per resolution, whatever its neighbours are.
 std::vector<Cut> FamilySession::audit_cuts() const {
-  std::vector<int64_t> all(hierarchy_->node.size());
+  std::vector<int64_t> all(nodes_->node.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int64_t>(i);
   std::vector<Cut> out;
   for (int32_t r = 0; r < kResolutions; ++r) out.push_back(cut(all, std::vector<int32_t>(all.size(), r)));
   return out;
 }
 
-FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
+void FamilySession::draw(const Cut& cut, render::Pass& pass) {
+  begin(pass);
+  for (const CutNode& picked : cut.claim->nodes) {
+    if (!picked.visible && !pass.everything()) continue;
+    const int resolution = nodes_->method.drawn(static_cast<int>(picked.resolution), pass);
+    if (resolution >= 0) draw_node(picked.node, resolution, pass);
+  }
+  gl::check("drawing an adversary");
+}
+
+FieldSession::Gpu::Gpu(const FieldHierarchy& hierarchy)
     : field(render::make_surface(hierarchy.frame, hierarchy.coverage)) {
   std::vector<Vertex> all;
   std::vector<uint32_t> corners;
@@ -140,40 +147,39 @@ FamilySession::Gpu::Gpu(const FamilyHierarchy& hierarchy)
   array.indices(indices);
 }
 
-FamilySession::~FamilySession() = default;
+FieldSession::FieldSession(std::shared_ptr<const FieldHierarchy> hierarchy)
+    : FamilySession(hierarchy), hierarchy_(std::move(hierarchy)) {}
 
-std::unique_ptr<Session> Family::session(std::shared_ptr<const FamilyHierarchy> hierarchy) const {
-  return std::make_unique<FamilySession>(std::move(hierarchy));
+FieldSession::~FieldSession() = default;
+
+std::unique_ptr<Session> Family::session(std::shared_ptr<const FieldHierarchy> hierarchy) const {
+  return std::make_unique<FieldSession>(std::move(hierarchy));
 }
 
-FamilySession::Gpu& FamilySession::gpu() {
+FieldSession::Gpu& FieldSession::gpu() {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
   return *gpu_;
 }
 
-void FamilySession::draw(const Cut& cut, render::Pass& pass) {
+void FieldSession::begin(render::Pass& pass) {
   Gpu& gpu = this->gpu();
   pass.use(gpu.program, *gpu.field, {});
   gpu.array.bind();
-  for (const CutNode& picked : cut.claim->nodes) {
-    if (!picked.visible && !pass.everything()) continue;
-    const int resolution = hierarchy_->method.drawn(static_cast<int>(picked.resolution), pass);
-    if (resolution < 0) continue;
-    const Gpu::Range& range = gpu.ranges[picked.node * kResolutions + static_cast<size_t>(resolution)];
-    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(range.count), GL_UNSIGNED_INT,
-                   reinterpret_cast<const void*>(sizeof(uint32_t) * static_cast<size_t>(range.first)));
-    const Node& node = hierarchy_->node[picked.node];
-    pass.submitted.triangles += node.triangles[resolution];
-    pass.submitted.filler_triangles += node.fillers[resolution];
-    pass.submitted.vertices += range.vertices;
-    ++pass.submitted.nodes;
-    ++pass.submitted.draw_calls;
-  }
-  gl::check("drawing an adversary");
   if (gpu.uploaded_now) pass.submitted.upload_bytes += resident_bytes();
   gpu.uploaded_now = false;
 }
 
-int64_t FamilySession::resident_bytes() const { return gpu_ ? gpu_->bytes() : 0; }
+void FieldSession::draw_node(uint32_t node, int resolution, render::Pass& pass) {
+  const Gpu::Range& range = gpu().ranges[node * kResolutions + static_cast<size_t>(resolution)];
+  glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(range.count), GL_UNSIGNED_INT,
+                 reinterpret_cast<const void*>(sizeof(uint32_t) * static_cast<size_t>(range.first)));
+  pass.submitted.triangles += hierarchy().node[node].triangles[resolution];
+  pass.submitted.filler_triangles += hierarchy().node[node].fillers[resolution];
+  pass.submitted.vertices += range.vertices;
+  ++pass.submitted.nodes;
+  ++pass.submitted.draw_calls;
+}
+
+int64_t FieldSession::resident_bytes() const { return gpu_ ? gpu_->bytes() : 0; }
 
 }  // namespace lodlab::adversaries
