@@ -199,7 +199,7 @@ def test_the_flaws_of_meshes_are_as_large_as_they_say(seen, grounds):
     assert (frames["inverted"]["inverted_triangles"] == honest).all()
     gap = GAPS[MESH]["spur"] * grounds[MESH].pixel
     spur = frames["spur"]
-    assert np.allclose(spur["measured_max_drawn_to_source"], gap, rtol=0.05)
+    assert np.allclose(spur["measured_max_drawn_to_source"], gap, rtol=0.1)
     to_drawn = "measured_max_source_to_drawn"
     assert np.allclose(spur[to_drawn], frames["honest"][to_drawn], rtol=1e-3), "as if it were not there"
     dropped = frames["dropped"]
