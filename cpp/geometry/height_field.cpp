@@ -2,19 +2,16 @@
 // Frames of height fields: positions, checks, hash, and the JSON text that stores keep.
 #include "geometry/height_field.h"
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <vector>
 
 #include "base/errors.h"
+#include "base/hasher.h"
 #include "base/parallel.h"
 #include "geometry/angles.h"
 #include "geometry/bounds.h"
@@ -235,38 +232,31 @@ void set_range(FieldFrame& frame, const HeightRange& range) {
 }
 
 struct HeightHash::State {
-  XXH3_state_t heights, mask;
+  Hasher heights, mask;
 };
 
-HeightHash::HeightHash() : state_(std::make_unique<State>()) {
-  XXH3_128bits_reset(&state_->heights);
-  XXH3_128bits_reset(&state_->mask);
-}
+HeightHash::HeightHash() : state_(std::make_unique<State>()) {}
 
 HeightHash::~HeightHash() = default;
 
 void HeightHash::add(const float* heights, int64_t count) {
-  XXH3_128bits_update(&state_->heights, heights, static_cast<size_t>(count) * sizeof(float));
+  state_->heights.add(heights, static_cast<size_t>(count) * sizeof(float));
 }
 
 void HeightHash::add_mask(const uint8_t* valid, int64_t count) {
-  XXH3_128bits_update(&state_->mask, valid, static_cast<size_t>(count));
+  state_->mask.add(valid, static_cast<size_t>(count));
 }
 
 std::string HeightHash::finish(const FieldFrame& frame, bool masked) const {
-  XXH3_state_t state = state_->heights;
+  Hasher all = state_->heights;
   if (masked) {
-    const XXH128_hash_t mask = XXH3_128bits_digest(&state_->mask);
+    const XXH128_hash_t mask = state_->mask.value();
     const uint64_t halves[2] = {mask.low64, mask.high64};
-    XXH3_128bits_update(&state, halves, sizeof halves);
+    all.add(halves, sizeof halves);
   }
   const std::string text_of_frame = '{' + members_of(frame) + '}';
-  XXH3_128bits_update(&state, text_of_frame.data(), text_of_frame.size());
-  const XXH128_hash_t digest = XXH3_128bits_digest(&state);
-  char text[33];
-  std::snprintf(text, sizeof text, "%016llx%016llx", static_cast<unsigned long long>(digest.high64),
-                static_cast<unsigned long long>(digest.low64));
-  return text;
+  all.add(text_of_frame.data(), text_of_frame.size());
+  return all.text();
 }
 
 std::string HeightField::hash() const {

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "geometry/mesh.h"
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "base/errors.h"
+#include "base/hasher.h"
 
 namespace lodlab {
 namespace {
@@ -48,10 +46,10 @@ void check_position(const glm::dvec3& p, size_t vertex) {
 }
 
 template <class T>
-void add(XXH3_state_t& state, std::span<const T> values) {
+void add(Hasher& hasher, std::span<const T> values) {
   const uint64_t count = values.size();
-  XXH3_128bits_update(&state, &count, sizeof count);
-  XXH3_128bits_update(&state, values.data(), values.size_bytes());
+  hasher.add(&count, sizeof count);
+  hasher.add(values.data(), values.size_bytes());
 }
 
 std::array<double, 3> as_array(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
@@ -59,17 +57,12 @@ std::array<double, 3> as_array(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 }  // namespace
 
 std::string Mesh::hash() const {
-  XXH3_state_t state;
-  XXH3_128bits_reset(&state);
-  add(state, positions);
-  add(state, faces);
-  add(state, colors);
-  add(state, normals);
-  const XXH128_hash_t digest = XXH3_128bits_digest(&state);
-  char text[33];
-  std::snprintf(text, sizeof text, "%016llx%016llx", static_cast<unsigned long long>(digest.high64),
-                static_cast<unsigned long long>(digest.low64));
-  return text;
+  Hasher hasher;
+  add(hasher, positions);
+  add(hasher, faces);
+  add(hasher, colors);
+  add(hasher, normals);
+  return hasher.text();
 }
 
 std::string Mesh::frame() const {

@@ -1,51 +1,30 @@
 // SPDX-License-Identifier: MIT
 #include "store/format.h"
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include <charconv>
-#include <memory>
+
+#include "base/hasher.h"
 
 namespace lodlab::store {
 namespace {
 
-std::string hex(uint64_t value) {
-  std::string out(16, '0');
-  for (int i = 15; i >= 0; --i, value >>= 4) out[i] = "0123456789abcdef"[value & 15];
-  return out;
+void add(Hasher& hasher, int64_t value) {  // little-endian on every machine
+  unsigned char bytes[8];
+  for (int i = 0; i < 8; ++i) bytes[i] = static_cast<unsigned char>(static_cast<uint64_t>(value) >> (8 * i));
+  hasher.add(bytes, sizeof bytes);
 }
 
-/// XXH3 in pieces. The state needs 64-byte alignment, which its own functions give.
-class Hasher {
- public:
-  Hasher() : state_(XXH3_createState(), &XXH3_freeState) { XXH3_128bits_reset(state_.get()); }
-  void add(const void* data, size_t size) { XXH3_128bits_update(state_.get(), data, size); }
-  void add(int64_t value) {  // little-endian on every machine
-    unsigned char bytes[8];
-    for (int i = 0; i < 8; ++i)
-      bytes[i] = static_cast<unsigned char>(static_cast<uint64_t>(value) >> (8 * i));
-    add(bytes, sizeof bytes);
-  }
-  void add(const std::string& text) {
-    add(static_cast<int64_t>(text.size()));
-    add(text.data(), text.size());
-  }
-  std::string digest() const {
-    const XXH128_hash_t value = XXH3_128bits_digest(state_.get());
-    return hex(value.high64) + hex(value.low64);
-  }
-
- private:
-  std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state_;
-};
+void add(Hasher& hasher, const std::string& text) {
+  add(hasher, static_cast<int64_t>(text.size()));
+  hasher.add(text.data(), text.size());
+}
 
 }  // namespace
 
 std::string digest_of(std::span<const std::byte> bytes) {
   Hasher hasher;
   hasher.add(bytes.data(), bytes.size());
-  return hasher.digest();
+  return hasher.text();
 }
 
 uint64_t checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
@@ -61,26 +40,26 @@ std::string seal(const std::map<std::string, std::string>& meta) {
   Hasher hasher;
   for (const auto& [key, value] : meta) {
     if (key == "seal") continue;
-    hasher.add(key);
-    hasher.add(value);
+    add(hasher, key);
+    add(hasher, value);
   }
-  return hasher.digest();
+  return hasher.text();
 }
 
 std::string content_hash(const std::map<std::string, ArrayHead>& arrays, const std::vector<PageHead>& pages) {
   Hasher hasher;
   for (const auto& [name, head] : arrays) {
-    hasher.add(name);
-    hasher.add(head.size);
-    hasher.add(static_cast<int64_t>(head.checksum));
+    add(hasher, name);
+    add(hasher, head.size);
+    add(hasher, static_cast<int64_t>(head.checksum));
   }
   for (const PageHead& page : pages) {
-    hasher.add(page.kind);
-    hasher.add(page.id);
-    hasher.add(page.size);
-    hasher.add(static_cast<int64_t>(page.checksum));
+    add(hasher, page.kind);
+    add(hasher, page.id);
+    add(hasher, page.size);
+    add(hasher, static_cast<int64_t>(page.checksum));
   }
-  return hasher.digest();
+  return hasher.text();
 }
 
 std::string seconds_text(double seconds) {
