@@ -14,7 +14,6 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 from urllib.parse import quote
 
@@ -35,6 +34,7 @@ from ..runs.provenance import read_provenance
 from ..runs.sweep import Sweep
 from ..sources.spec import short_source
 from . import charts
+from .frame import fill
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
 
@@ -249,14 +249,14 @@ def write(directory: str | os.PathLike[str]) -> Path:
         light = chart.svg()
         write_atomic(folder / "pareto.svg", light)
         pareto = _chart(chart, _PARETO_CAPTION, light)
-    page = Template(Path(__file__).with_name("report.html").read_text(encoding="utf-8"))
     sources, methods = _join(summary["source"].map(short_source)), _join(summary["method"])
     size, fov = _viewport(config)
     verdicts = judge(result.frames, size[0], fov)
-    text = page.substitute(
-        title=html.escape(f"lodlab: {methods} on {sources}"),
-        heading=html.escape(f"{methods} on {sources}"),
-        subtitle=html.escape(
+    text = fill(
+        Path(__file__).with_name("report.html"),
+        title=f"lodlab: {methods} on {sources}",
+        heading=f"{methods} on {sources}",
+        subtitle=(
             f"{len(summary)} run{'s' if len(summary) > 1 else ''}, "
             f"path {_join(Path(p).stem for p in summary['path'])}, "
             f"{int(summary['frames'].max())} frames of {size[0]} × {size[1]}, {_join(summary['device'])}"

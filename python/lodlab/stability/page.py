@@ -12,7 +12,6 @@ import inspect
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy as np
 from .. import pictures
 from ..disk import write_atomic
 from ..figures import number
+from ..report.frame import fill
 from ..sources.spec import short_source
 from ..stores.methods import method_table
 from .rules import BY_NATURE, FAIL, NOT_APPLICABLE, PASS, badness
@@ -41,11 +41,11 @@ def write(folder: Path, table: Any) -> Path:
     names, counts = list(dict.fromkeys(table["method"])), table["verdict"].value_counts()
     scenes = [scene for scene in SCENES if scene.name in set(table["scene"])]
     summary = ", ".join(f"{counts[v]} {WORDS[v]}" for v in (PASS, BY_NATURE, NOT_APPLICABLE, FAIL) if v in counts)
-    template = Path(__file__).with_name("stability.html")
-    text = Template(template.read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"lodlab stability: {', '.join(names)}"),
-        heading=html.escape(f"Stability of {', '.join(names)}"),
-        subtitle=html.escape(
+    text = fill(
+        Path(__file__).with_name("stability.html"),
+        title=f"lodlab stability: {', '.join(names)}",
+        heading=f"Stability of {', '.join(names)}",
+        subtitle=(
             f"{len(scenes)} scenes, {len(table)} figures: {summary}. "
             f"{'Short' if record['short'] else 'Long'} form, {record['gl']['renderer']}"
         ),
