@@ -6,8 +6,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -43,34 +46,9 @@ Method = Annotated[
     ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="RUN", help="The run directory.")]
-PathText = Annotated[
-    str | None,
-    typer.Option(
-        "--path",
-        metavar="NAME|FILE",
-        help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still "
-        "[default: flyover, orbit around a mesh].",
-        autocompletion=completing(lambda: NAMES),
-    ),
-]
-Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")]
-Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")]
-Fov = Annotated[
-    float | None,
-    typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view [default: the path's, or 60]."),
-]
-PixelError = Annotated[
-    float | None, typer.Option("--pixel-error", metavar="P", help="Target for the projected error, pixels.")
-]
-Triangles = Annotated[int | None, typer.Option("--triangles", metavar="T", help="Hard limit on triangles.")]
-Nodes = Annotated[int | None, typer.Option("--nodes", metavar="N", help="Hard limit on nodes.")]
 OptionTexts = Annotated[
     list[str] | None, typer.Option("-o", metavar="NAME=VALUE", help="An option of the method; may be repeated.")
 ]
-AccuracyFrames = Annotated[
-    int, typer.Option("--accuracy-frames", metavar="N", help="Frames to measure, evenly spaced; 0: none.")
-]
-Repeat = Annotated[int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Worker processes; more than 1 disturbs timings.")]
 Stores = Annotated[
     Path | None,
@@ -85,27 +63,117 @@ Device = Annotated[
         autocompletion=completing(lambda: ("auto", "software", "cuda:0")),
     ),
 ]
-Images = Annotated[
-    str,
-    typer.Option(
-        "--images", metavar="all|worst|none", help="Pictures to keep.", autocompletion=completing(lambda: IMAGES)
-    ),
-]
-Metrics = Annotated[
-    str,
-    typer.Option(
-        "--metrics",
-        metavar="all|geometry",
-        help="What to measure; geometry: nothing of pictures.",
-        autocompletion=completing(lambda: MEASURES),
-    ),
-]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the file if it is there.")]
 At = Annotated[float, typer.Option("--at", metavar="T", help="Where on the path, from 0 to 1.")]
 SourceOption = Annotated[
     str | None, typer.Option("--source", metavar="SOURCE", help="The store's source, when it cannot be found again.")
 ]
+
+
+# ---- groups of options ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How a path is seen."""
+
+    path: Annotated[
+        str | None,
+        typer.Option(
+            "--path",
+            metavar="NAME|FILE",
+            help="flyover, orbit, walk, zoom, still, or a key-frame file; around meshes orbit, zoom, flyby, still "
+            "[default: flyover, orbit around a mesh].",
+            autocompletion=completing(lambda: NAMES),
+        ),
+    ] = None
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Viewport in pixels.")] = "1280x720"
+    fov: Annotated[
+        float | None,
+        typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view [default: the path's, or 60]."),
+    ] = None
+
+    def given(self) -> dict[str, Any]:
+        """The arguments of Python for it."""
+        return {**vars(self), "path": self.path or "", "size": size_of(self.size)}
+
+
+@dataclass(frozen=True)
+class Track(Sight):
+    """A path flown in frames."""
+
+    frames: Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the path.")] = 120
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The budget of a frame."""
+
+    pixel_error: Annotated[
+        float | None, typer.Option("--pixel-error", metavar="P", help="Target for the projected error, pixels.")
+    ] = None
+    triangles: Annotated[int | None, typer.Option("--triangles", metavar="T", help="Hard limit on triangles.")] = None
+    nodes: Annotated[int | None, typer.Option("--nodes", metavar="N", help="Hard limit on nodes.")] = None
+
+    def given(self) -> dict[str, Any]:
+        """The budgets that were given."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """What is measured and kept of a run."""
+
+    images: Annotated[
+        str,
+        typer.Option(
+            "--images", metavar="all|worst|none", help="Pictures to keep.", autocompletion=completing(lambda: IMAGES)
+        ),
+    ] = "worst"
+    metrics: Annotated[
+        str,
+        typer.Option(
+            "--metrics",
+            metavar="all|geometry",
+            help="What to measure; geometry: nothing of pictures.",
+            autocompletion=completing(lambda: MEASURES),
+        ),
+    ] = "all"
+    accuracy_frames: Annotated[
+        int, typer.Option("--accuracy-frames", metavar="N", help="Frames to measure, evenly spaced; 0: none.")
+    ] = 12
+    repeat: Annotated[
+        int, typer.Option("--repeat", metavar="N", help="Timing passes; times are medians over them.")
+    ] = 1
+
+
+def unfolded(command: Callable[..., None]) -> Callable[..., None]:
+    """A command for typer, each group among its arguments (a dataclass of options) as the options of that."""
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    parameters: list[Parameter] = []
+    for each in signature(command).parameters.values():
+        if (kind := groups.get(each.name)) is None:
+            parameters.append(each.replace(annotation=hints[each.name], kind=Parameter.KEYWORD_ONLY))
+            continue
+        inside = get_type_hints(kind, globals(), include_extras=True)  # whose lambdas know this module
+        parameters += (
+            Parameter(f.name, Parameter.KEYWORD_ONLY, default=f.default, annotation=inside[f.name])
+            for f in fields(kind)
+        )
+
+    @wraps(command)
+    def folded(**values: Any) -> None:
+        made = {name: kind(**{f.name: values.pop(f.name) for f in fields(kind)}) for name, kind in groups.items()}
+        command(**values, **made)
+
+    folded.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    folded.__annotations__ = {each.name: each.annotation for each in parameters}
+    return folded
+
+
+# ---- texts ----------------------------------------------------------------------------------------
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -138,12 +206,6 @@ def numbers_of(name: str, text: str | None, kind: type) -> list[Any] | None:
     except ValueError:
         what = "whole numbers" if kind is int else "numbers"
         raise InvalidInput(f"{name}: {text!r} is not a list of {what} with commas between them") from None
-
-
-def budget_from(pixel_error: float | None, triangles: int | None, nodes: int | None) -> dict[str, Any]:
-    """The budgets that were given."""
-    given = {"pixel_error": pixel_error, "triangles": triangles, "nodes": nodes}
-    return {k: v for k, v in given.items() if v is not None}
 
 
 def limits_from(name: str, texts: Sequence[str] | None) -> dict[str, float]:

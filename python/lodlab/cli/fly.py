@@ -15,31 +15,22 @@ from ..errors import InvalidInput
 from ..figures import number
 from ..instrument.yardstick import MEASURES
 from .arguments import (
-    AccuracyFrames,
     Device,
-    Fov,
-    Frames,
-    Images,
     Jobs,
-    Metrics,
-    Nodes,
+    Limits,
+    Measuring,
     OptionTexts,
     OutFolder,
-    PathText,
-    PixelError,
-    Repeat,
-    Size,
     SourceOption,
     SourceText,
     StoreFile,
     Stores,
-    Triangles,
-    budget_from,
+    Track,
     completing,
     numbers_of,
     options_from,
     print_table,
-    size_of,
+    unfolded,
 )
 from .build import open_store
 
@@ -47,21 +38,14 @@ commands = typer.Typer()
 
 
 @commands.command("fly", epilog="Example: lodlab fly jacksboro.lod --out runs/one --pixel-error 1 --path orbit")
+@unfolded
 def fly_command(
     store: StoreFile,
     out: OutFolder,
-    path: PathText = None,
-    frames: Frames = 120,
-    size: Size = "1280x720",
-    fov: Fov = None,
-    pixel_error: PixelError = None,
-    triangles: Triangles = None,
-    nodes: Nodes = None,
+    track: Track,
+    limits: Limits,
+    measuring: Measuring,
     option: OptionTexts = None,
-    images: Images = "worst",
-    metrics: Metrics = "all",
-    accuracy_frames: AccuracyFrames = 12,
-    repeat: Repeat = 1,
     stores: Stores = None,
     device: Device = None,
     source: SourceOption = None,
@@ -72,21 +56,9 @@ def fly_command(
     holds other runs grows by this one.
     """
     run = lodlab.fly(
-        open_store(store, source),
-        path or "",
-        budget_from(pixel_error, triangles, nodes),
-        size=size_of(size),
-        frames=frames,
-        fov=fov,
-        images=images,
-        metrics=metrics,
-        accuracy_frames=accuracy_frames,
-        repeat=repeat,
-        device=device,
-        out=out,
-        stores=stores,
-        **options_from(option),
-    )
+        open_store(store, source), budget=limits.given(), device=device, out=out, stores=stores,
+        **track.given(), **vars(measuring), **options_from(option),
+    )  # fmt: skip
     print_runs([run.summary])
     typer.echo(f"report: {out / 'report.html'}")
 
@@ -109,9 +81,12 @@ def print_runs(rows: Sequence[Any]) -> None:
 @commands.command(
     "compare", epilog="Example: lodlab compare jacksboro --out runs/mine --pixel-errors 0.5,1,2 -o chunked.morph=false"
 )
+@unfolded
 def compare_command(
     source: SourceText,
     out: OutFolder,
+    track: Track,
+    measuring: Measuring,
     methods: Annotated[
         str | None, typer.Option("--methods", metavar="A,B", help="Methods beside full [default: all that can].")
     ] = None,
@@ -123,14 +98,6 @@ def compare_command(
     option: Annotated[
         list[str] | None, typer.Option("-o", metavar="METHOD.NAME=VALUE", help="An option; may be repeated.")
     ] = None,
-    path: PathText = None,
-    frames: Frames = 120,
-    size: Size = "1280x720",
-    fov: Fov = None,
-    images: Images = "worst",
-    metrics: Metrics = "all",
-    accuracy_frames: AccuracyFrames = 12,
-    repeat: Repeat = 1,
     jobs: Jobs = 1,
     stores: Stores = None,
     device: Device = None,
@@ -153,14 +120,8 @@ def compare_command(
         triangles=numbers_of("triangles", triangles, int),
         nodes=numbers_of("nodes", nodes, int),
         options=options,
-        path=path or "",
-        frames=frames,
-        size=size_of(size),
-        fov=fov,
-        images=images,
-        metrics=metrics,
-        accuracy_frames=accuracy_frames,
-        repeat=repeat,
+        **track.given(),
+        **vars(measuring),
         jobs=jobs,
         device=device,
         out=out,

@@ -2,7 +2,7 @@
 """The command line: a thin layer over the Python face. Exit status: 0 done; 1 something failed, a check did not
 hold, or a run broke a promise (its results are there); 2 the user's mistake; 130 stopped by Ctrl-C. `LODLAB_DEBUG=1`
 shows the traceback of any error. Commands stand in files by what they do; every one declares its arguments, each on
-its line.
+its line, those that come together in groups (`arguments.unfolded`).
 """
 
 from __future__ import annotations

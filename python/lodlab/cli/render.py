@@ -10,27 +10,23 @@ import typer
 
 from .. import _core, movies, pictures
 from ..errors import InvalidInput, check_one_of
-from ..paths.path import default_path, make_path
+from ..paths.path import CameraPath, default_path, make_path
 from ..runs.flight import check_budget
 from ..stores.methods import still
 from ..stores.session import SHOWS
 from .arguments import (
     At,
     Device,
-    Fov,
-    Frames,
-    Nodes,
+    Limits,
     OptionTexts,
-    PathText,
-    PixelError,
-    Size,
+    Sight,
     SourceOption,
     StoreFile,
-    Triangles,
-    budget_from,
+    Track,
     completing,
     options_from,
     size_of,
+    unfolded,
 )
 from .build import open_store
 
@@ -43,39 +39,34 @@ def still_session(store: Any, budget: dict[str, Any], options: dict[str, str]) -
     return store.session(**still(store.method, options)), checked
 
 
+def track_of(store: Any, sight: Sight, frames: int) -> CameraPath:
+    """The path that was asked for, over a store's source."""
+    return make_path(sight.path or default_path(store.source_kind), store.source, frames, sight.fov)
+
+
 def one_cut(
-    store: Any,
-    path: str | None,
-    at: float,
-    size: str,
-    fov: float | None,
-    budget: dict[str, Any],
-    options: dict[str, str],
+    store: Any, sight: Sight, at: float, budget: dict[str, Any], options: dict[str, str]
 ) -> tuple[Any, Any, Any]:
     """(session, cut, view) of one spot on a path."""
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
-    view = make_path(path or default_path(store.source_kind), store.source, 2, fov).view_at(at, size_of(size), fov)
+    view = track_of(store, sight, 2).view_at(at, size_of(sight.size), sight.fov)
     session, checked = still_session(store, budget, options)
     return session, session.select(view, checked), view
 
 
 @commands.command(epilog="Example: lodlab render jacksboro.lod picture.png --at 0.5 --pixel-error 2 --show level")
+@unfolded
 def render(
     store: StoreFile,
+    track: Track,
+    limits: Limits,
     picture: Annotated[Path | None, typer.Argument(metavar="[OUT.png]", help="The picture to write.")] = None,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="OUT.mp4|.gif", help="Write the whole path instead.")
     ] = None,
-    frames: Frames = 120,
     fps: Annotated[float, typer.Option("--fps", metavar="F", help="Of --video: frames a second, 1 to 100.")] = 30.0,
     at: At = 0.5,
-    path: PathText = None,
-    size: Size = "1280x720",
-    fov: Fov = None,
-    pixel_error: PixelError = None,
-    triangles: Triangles = None,
-    nodes: Nodes = None,
     option: OptionTexts = None,
     show: Annotated[
         str,
@@ -104,7 +95,7 @@ def render(
         movies.check_fps(fps)
     choose(device)
     opened = open_store(store, source)
-    budget = budget_from(pixel_error, triangles, nodes)
+    budget = limits.given()
     instrument = _core.Instrument(opened.source.core) if show == "error" else None
 
     def drawn(session: Any, cut: Any, view: Any) -> Any:
@@ -114,13 +105,13 @@ def render(
         return pictures.error_picture(measured.image, measured.error_px())
 
     if video is not None:
-        track = make_path(path or default_path(opened.source_kind), opened.source, frames, fov)
+        path = track_of(opened, track, track.frames)
         session, checked = still_session(opened, budget, options_from(option))
-        views = track.views(size_of(size), fov)
+        views = path.views(size_of(track.size), track.fov)
         movies.save(video, (drawn(session, session.select(view, checked), view) for view in views), fps)
-        typer.echo(f"{video}: {len(track)} frames, {len(track) / fps:.3g} s")
+        typer.echo(f"{video}: {len(path)} frames, {len(path) / fps:.3g} s")
         return
-    session, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    session, cut, view = one_cut(opened, track, at, budget, options_from(option))
     pictures.save(picture, drawn(session, cut, view))
     typer.echo(
         f"{picture}: {cut.visible_nodes} nodes, {cut.triangles:,} triangles, predicted {cut.predicted_px:.3g} px"
@@ -128,16 +119,13 @@ def render(
 
 
 @commands.command(epilog="Example: lodlab export jacksboro.lod mesh.ply --at 0.5 --triangles 50000")
+@unfolded
 def export(
     store: StoreFile,
     mesh: Annotated[Path, typer.Argument(metavar="OUT.ply|.glb|.obj", help="The mesh to write.")],
+    sight: Sight,
+    limits: Limits,
     at: At = 0.5,
-    path: PathText = None,
-    size: Size = "1280x720",
-    fov: Fov = None,
-    pixel_error: PixelError = None,
-    triangles: Triangles = None,
-    nodes: Nodes = None,
     option: OptionTexts = None,
     device: Device = None,
     source: SourceOption = None,
@@ -152,8 +140,8 @@ def export(
     check_name(mesh)
     choose(device)
     opened = open_store(store, source)
-    budget = budget_from(pixel_error, triangles, nodes)
-    _, cut, view = one_cut(opened, path, at, size, fov, budget, options_from(option))
+    budget = limits.given()
+    _, cut, view = one_cut(opened, sight, at, budget, options_from(option))
     made = cut.to_trimesh(view)
     save(mesh, made, about(opened, cut, budget or {"pixel_error": 1.0}))
     typer.echo(f"{mesh}: {len(made.vertices):,} vertices, {len(made.faces):,} triangles")

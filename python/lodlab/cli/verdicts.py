@@ -19,20 +19,17 @@ from ..runs import columns, tables
 from ..runs.fitting import candidate_text, number_text
 from .arguments import (
     Force,
-    Fov,
-    Frames,
     Json,
     Method,
     OptionTexts,
     OutFolder,
-    PathText,
-    Size,
     SourceText,
+    Track,
     limits_from,
     options_from,
     print_json,
     print_table,
-    size_of,
+    unfolded,
 )
 
 commands = typer.Typer()
@@ -140,15 +137,13 @@ def stability(
 
 
 @commands.command(epilog="Example: lodlab fit jacksboro chunked s.lod --path flyover --pixel-error 1")
+@unfolded
 def fit(
     source: SourceText,
     method: Method,
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The file to write, NAME.lod.")],
     pixel_error: Annotated[float, typer.Option("--pixel-error", metavar="E", help="Limit of the measured error, px.")],
-    path: PathText = None,
-    frames: Frames = 120,
-    size: Size = "1280x720",
-    fov: Fov = None,
+    track: Track,
     option: OptionTexts = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="RUN", help="Fly and measure the answer into this run directory.")
@@ -163,11 +158,10 @@ def fit(
     that was reached when nothing does. Ends with the two lines that fly the answer and check it.
     """
     found = lodlab.fit(
-        source, method, store, pixel_error=pixel_error, path=path or "", frames=frames, size=size_of(size), fov=fov,
-        out=out, force=force, **options_from(option),
+        source, method, store, pixel_error=pixel_error, out=out, force=force, **track.given(), **options_from(option)
     )  # fmt: skip
-    flight = [*([] if path is None else ["--path", path]), "--frames", str(found.frames), "--size", size]
-    flight += [] if fov is None else ["--fov", tables.cell(fov)]
+    flight = [*([] if track.path is None else ["--path", track.path]), "--frames", str(found.frames)]
+    flight += ["--size", track.size, *([] if track.fov is None else ["--fov", tables.cell(track.fov)])]
     lines = fit_lines(found, out or store.with_suffix(".run"), flight) if found.reached else []
     if json_:
         print_json({**found.to_dict(), "commands": lines})
