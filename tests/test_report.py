@@ -14,9 +14,10 @@ import pytest
 
 import lodlab as lod
 from lodlab import charts, figures, pictures
+from lodlab.chart import COLOURS, INK
 from lodlab.errors import InvalidInput
 from lodlab.instrument import statistics
-from lodlab.report import labels
+from lodlab.report import labels, series
 from lodlab.report import page as report
 from lodlab.runs import directory
 from lodlab.runs.passes import worst_frame
@@ -210,16 +211,16 @@ def test_pareto_is_dressed_for_light_and_dark(swept):
     light, dark = (decode(charts.pareto(swept).png(theme)) for theme in ("light", "dark"))
     assert light[0, 0].min() > 240 and dark[0, 0].max() < 40
     for image, theme in ((light, "light"), (dark, "dark")):
-        colour = charts.COLOURS[theme][0]
+        colour = COLOURS[theme][0]
         wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
         assert (np.abs(image - wanted).max(axis=2) < 8).sum() > 200, "the curve is not to be seen"
 
 
 def test_colours_stand_out_from_their_page():
     """WCAG's contrast for graphics is 3 : 1; text in these colours is large or bold."""
-    for theme, colours in charts.COLOURS.items():
-        for colour in (*colours, charts.INK[theme]["text"], charts.INK[theme]["faint"]):
-            ratio = contrast(colour, charts.INK[theme]["page"])
+    for theme, colours in COLOURS.items():
+        for colour in (*colours, INK[theme]["text"], INK[theme]["faint"]):
+            ratio = contrast(colour, INK[theme]["page"])
             assert ratio >= (3.0 if colour not in ("#56B4E9", "#CC79A7") else 2.1), (theme, colour, ratio)
 
 
@@ -248,10 +249,10 @@ def test_series_are_named_by_what_varies(swept):
     import pandas as pd
 
     both = pd.concat([summary, other], ignore_index=True)
-    labels = [s.label for s in charts.series_of(both)]
+    labels = [s.label for s in series.series_of(both)]
     assert labels == ["full", "morph true", "morph false"]
-    assert [s.baseline for s in charts.series_of(both)] == [True, False, False]
-    looks = charts.dress(charts.series_of(both), "light")
+    assert [s.baseline for s in series.series_of(both)] == [True, False, False]
+    looks = series.dress(series.series_of(both), "light")
     assert len({colour for colour, _ in looks.values()}) == 3 and len({marker for _, marker in looks.values()}) == 3
 
 
@@ -277,10 +278,10 @@ def test_curves_of_a_parameter_study_differ_in_colour_and_are_named_beside_them(
     from matplotlib.figure import Figure
 
     result = study(swept, leaves)
-    series = charts.series_of(result.summary)
+    curves = series.series_of(result.summary)
     for theme in ("light", "dark"):
-        looks = charts.dress(series, theme)
-        assert len({colour for colour, _ in looks.values()}) == len(series) == len(leaves) + 2
+        looks = series.dress(curves, theme)
+        assert len({colour for colour, _ in looks.values()}) == len(curves) == len(leaves) + 2
     figure = Figure(layout="constrained")
     FigureCanvasAgg(figure)
     charts.pareto(result)._draw(figure, "light")
@@ -304,7 +305,7 @@ def test_methods_without_a_study_keep_a_row_of_panels_together(swept):
     result = study(swept, (32, 64))
     other = result.summary[result.summary["method"] == "chunked"].head(2).copy()
     other["method"] = "seamless"
-    rows = charts._studies(pd.concat([result.summary, other], ignore_index=True))
+    rows = series.studies(pd.concat([result.summary, other], ignore_index=True))
     assert [(suffix, sorted(set(part["method"]))) for suffix, part in rows] == [
         ("", ["full", "seamless"]), (" · chunked", ["chunked", "full"])
     ]  # fmt: skip

@@ -10,6 +10,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import charts, figures
+from lodlab.chart import COLOURS, INK
 from lodlab.instrument import statistics
 from lodlab.runs import tables
 
@@ -247,7 +248,7 @@ def lines(ax, colour):
 
 def test_charts_dash_neighbours_that_the_noise_does_not_tell_apart(known):
     time_panel, triangles = drawn(charts.pareto(known))
-    first, second = charts.COLOURS["light"][:2]
+    first, second = COLOURS["light"][:2]
     assert [line.is_dashed() for line in lines(time_panel, first)] == [True, False]
     assert [line.is_dashed() for line in lines(time_panel, second)] == [False, False]
     assert not any(line.is_dashed() for line in lines(triangles, first)), "counts are exact"
@@ -255,7 +256,7 @@ def test_charts_dash_neighbours_that_the_noise_does_not_tell_apart(known):
 
 def test_charts_hollow_points_that_are_not_told_apart_from_full(known):
     time_panel, triangles = drawn(charts.pareto(known))
-    page = charts.INK["light"]["page"]
+    page = INK["light"]["page"]
 
     def hollow(ax):
         marks = [line for line in ax.lines if line.get_marker() not in ("None", "*")]
@@ -266,7 +267,7 @@ def test_charts_hollow_points_that_are_not_told_apart_from_full(known):
 
 
 def test_charts_tie_methods_that_are_not_told_apart_at_one_budget(known):
-    ties = lines(drawn(charts.pareto(known))[0], charts.INK["light"]["text"])
+    ties = lines(drawn(charts.pareto(known))[0], INK["light"]["text"])
     assert len(ties) == 1
     assert ties[0].get_xdata() == pytest.approx([5.0, 5.02], rel=0.02)
 
@@ -285,8 +286,8 @@ def test_charts_show_intervals_and_the_noise_floor(known):
 def test_a_noisy_machine_tells_nothing_apart(known):
     noisy = lod.Sweep(None, known.frames, known.summary, known.noise.assign(high=9.0))
     panel = drawn(charts.pareto(noisy))[0]
-    assert all(line.is_dashed() for line in lines(panel, charts.COLOURS["light"][0]))
-    assert len(lines(panel, charts.INK["light"]["text"])) == 3
+    assert all(line.is_dashed() for line in lines(panel, COLOURS["light"][0]))
+    assert len(lines(panel, INK["light"]["text"])) == 3
 
 
 def test_runs_of_other_lengths_are_judged_by_their_intervals(known):

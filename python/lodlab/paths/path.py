@@ -17,6 +17,7 @@ from ..errors import InvalidInput, Unsupported, close_to
 from ..sources.base import FieldSource, Source
 from ..sources.mesh import Mesh
 from .around import AROUND
+from .ground import Ground
 from .keyframes import poses_of_array, poses_of_keys, read_file
 from .terrain import BUILT_IN, Pose, PoseAt
 
@@ -97,8 +98,6 @@ class CameraPath:
 
     @classmethod
     def _built_in(cls, name: str, source: Source, frames: int, fov: float | None) -> CameraPath:
-        from .ground import Ground
-
         frames = _whole("frames", frames, 1, MAX_FRAMES)
         known = AROUND if isinstance(source, Mesh) else BUILT_IN
         if not isinstance(source, (FieldSource, Mesh)):

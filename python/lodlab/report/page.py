@@ -35,6 +35,7 @@ from ..runs.sweep import Sweep
 from ..sources.spec import short_source
 from . import charts
 from .frame import fill
+from .series import series_of
 
 STRIP_WIDTH = 480  # pixels of a picture in the page; full size lies in images/
 
@@ -285,7 +286,7 @@ def _timeline(result: Sweep) -> str:
     groups = result.summary.groupby(["source", "path"], sort=False)
     for (source, path), rows in groups:
         named = [f"{short_source(source)}, {Path(path).stem}"] if len(groups) > 1 else []
-        series = charts.series_of(rows)
+        series = series_of(rows)
         split = len(rows) > MOST_LINES
         for item in [s for s in series if not s.baseline] if split else [None]:
             runs = rows if item is None else rows[rows["run"].isin(item.points["run"]) | (rows["method"] == BASELINE)]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .frames import extent_of
+from .thumbnail import hillshade
 
 
 class Source:
@@ -124,6 +125,4 @@ class FieldSource(Source):
 
     def thumbnail(self, width: int = 256) -> np.ndarray:
         """A hillshade with height tints, (h, w, 3) uint8, at most `width` pixels wide or high."""
-        from .thumbnail import hillshade
-
         return hillshade(self, width)

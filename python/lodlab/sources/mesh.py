@@ -20,6 +20,7 @@ from .mesh_files import format_of, read_mesh
 from .polygons import MeshData
 from .raster import title
 from .spec import format_spec
+from .thumbnail import portrait
 
 REPAIRS = ("weld", "degenerate", "duplicates", "orient", "split", "unused")
 MOST_VERTICES = 2**32  # that 32-bit indices name
@@ -228,8 +229,6 @@ class Mesh(Source):
 
     def thumbnail(self, width: int = 256) -> np.ndarray:
         """The mesh from its front, upper right, (width, width, 3) uint8; y up."""
-        from .thumbnail import portrait
-
         return portrait(self, width)
 
     def __getstate__(self) -> dict[str, Any]:

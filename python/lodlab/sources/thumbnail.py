@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Small hillshades of height fields and portraits of meshes, for notebooks and messages."""
+"""Small hillshades of height fields and portraits of meshes, for notebooks and messages. Sources import it, so that it
+imports none."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .heightfield import HeightField
-    from .mesh import Mesh
 
 # Height tints from low to high, RGB.
 _TINTS = np.array([[92, 128, 98], [170, 176, 120], [196, 164, 116], [168, 132, 112], [244, 242, 240]], np.float64)
@@ -17,7 +14,7 @@ _SEA = np.array([[24, 44, 84], [110, 158, 196]], np.float64)
 _VOID = np.array([226, 226, 230], np.uint8)
 
 
-def hillshade(field: HeightField, width: int = 256) -> np.ndarray:
+def hillshade(field: Any, width: int = 256) -> np.ndarray:
     """(h, w, 3) uint8: light from the north-west, slopes stretched until they show, voids pale grey."""
     rows, cols = field.shape
     step = max(1, -(-max(rows, cols) // width))
@@ -62,7 +59,7 @@ _MOST_POINTS = 1 << 22  # that are drawn together
 _FRONT = np.array([[0.943, 0.0, -0.333], [-0.097, 0.957, -0.274], [0.319, 0.291, 0.902]])  # right, up, to the eye
 
 
-def portrait(mesh: Mesh, width: int = 256) -> np.ndarray:
+def portrait(mesh: Any, width: int = 256) -> np.ndarray:
     """(width, width, 3) uint8: seen in parallel from the front, upper right, y up; light from the camera's upper left.
 
     Triangles are drawn as grids of points less than a pixel apart, the nearest of each pixel staying.
@@ -112,7 +109,7 @@ def _plot(
     nearest[pixel[front]] = np.repeat(ids, len(weights))[front]
 
 
-def _lit(mesh: Mesh, seen: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _lit(mesh: Any, seen: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(N, 3) uint8: colours of faces by their planes; the inside has a colour of its own."""
     indices = mesh.faces[faces]
     a, b, c = (seen[indices[:, k]].astype(np.float64) for k in range(3))
