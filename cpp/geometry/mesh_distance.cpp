@@ -329,6 +329,32 @@ double refine(const Measurer& measurer, std::vector<Piece> open, double lower, i
   return lower;
 }
 
+double farthest(const std::vector<Closest>& at_vertices) {
+  double out = 0.0;
+  for (const Closest& closest : at_vertices) out = std::max(out, closest.distance);
+  return out;
+}
+
+/// A triangle as a piece, bounded, and left open where that settles nothing.
+Piece whole_triangle(const Measurer& measurer, const WeldedMesh& from,
+                     const std::vector<Closest>& at_vertices, int64_t index, double lower, Found& found) {
+  const Triangle triangle = from.triangle(index);
+  Piece piece;
+  for (size_t k = 0; k < 3; ++k) {
+    const Closest& closest = at_vertices[from.faces[static_cast<size_t>(index)][k]];
+    piece.corners[k] = {triangle[k], closest.distance, closest.triangle};
+  }
+  measurer.bound(piece, {kNoTriangle, kNoTriangle}, lower, found);
+  if (measurer.exceeds(piece.upper, lower)) found.open.push_back(piece);
+  return piece;
+}
+
+/// The maximum, from what whole triangles have found and left open.
+double settle(const Measurer& measurer, std::vector<Found>& blocks, double lower, int64_t most_pieces) {
+  std::vector<Piece> open = gather(measurer, blocks, lower);
+  return refine(measurer, std::move(open), lower, most_pieces);
+}
+
 }  // namespace
 
 std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurface& to) {
@@ -346,20 +372,14 @@ std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurfa
 
 SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces) {
-  double lower = 0.0, whole_area = 0.0;
-  for (const Closest& closest : at_vertices) lower = std::max(lower, closest.distance);
+  const Measurer measurer(to, kLeastShare * extent);
+  const double lower = farthest(at_vertices);
+  double whole_area = 0.0;
   for (int64_t i = 0; i < from.triangles(); ++i) whole_area += area(from.triangle(i));
   const double share = whole_area / static_cast<double>(std::max(from.triangles(), to.mesh().triangles()));
-  const Measurer measurer(to, kLeastShare * extent);
   auto blocks = per_block<Found>(from.triangles(), [&](int64_t i, Found& found) {
+    const Piece piece = whole_triangle(measurer, from, at_vertices, i, lower, found);
     const Triangle triangle = from.triangle(i);
-    Piece piece;
-    for (size_t k = 0; k < 3; ++k) {
-      const Closest& closest = at_vertices[from.faces[static_cast<size_t>(i)][k]];
-      piece.corners[k] = {triangle[k], closest.distance, closest.triangle};
-    }
-    measurer.bound(piece, {kNoTriangle, kNoTriangle}, lower, found);
-    if (measurer.exceeds(piece.upper, lower)) found.open.push_back(piece);
     const double own = area(triangle);
     if (own == 0.0 || piece.upper == 0.0) return;  // a triangle that lies in one of the target's adds nothing
     double nearest = piece.corners[0].distance, longest = 0.0;
@@ -373,11 +393,20 @@ SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Close
   });
   double squares = 0.0;
   for (const Found& block : blocks) squares += block.squares;
-  std::vector<Piece> open = gather(measurer, blocks, lower);
   SurfaceDistance out;
-  out.max = refine(measurer, std::move(open), lower, most_pieces);
+  out.max = settle(measurer, blocks, lower, most_pieces);
   out.rms = whole_area > 0.0 ? std::sqrt(squares / whole_area) : std::numeric_limits<double>::quiet_NaN();
   return out;
+}
+
+double largest_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
+                        const MeshSurface& to, double extent, int64_t most_pieces) {
+  const Measurer measurer(to, kLeastShare * extent);
+  const double lower = farthest(at_vertices);
+  auto blocks = per_block<Found>(from.triangles(), [&](int64_t i, Found& found) {
+    whole_triangle(measurer, from, at_vertices, i, lower, found);
+  });
+  return settle(measurer, blocks, lower, most_pieces);
 }
 
 }  // namespace lodlab

@@ -34,4 +34,8 @@ std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurfa
 SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces);
 
+/// Its maximum alone, in a fraction of the time.
+double largest_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
+                        const MeshSurface& to, double extent, int64_t most_pieces);
+
 }  // namespace lodlab

@@ -200,10 +200,11 @@ std::vector<NodeError> LaidOnMesh::node_errors() {
   if (parts.size() == 1) {
     largest[parts.begin()->first] = samples().max;
   } else {
+    const double size = extent(drawn.mesh);
     for (const auto& [node, part] : parts) {
       const auto there = closest_to_vertices(part, ruler_.surface());
       const int64_t most = int64_t{1} << 24;
-      largest[node] = surface_distance(part, there, ruler_.surface(), extent(drawn.mesh), most).max;
+      largest[node] = largest_distance(part, there, ruler_.surface(), size, most);
     }
     Keepers keepers(parts, shown_.bound, ruler_.slack(shown_.camera.eye));
     for (size_t i = 0; i < at_source().size() && !parts.empty(); ++i) {

@@ -19,7 +19,7 @@ import pytest
 import lodlab as lod
 from lodlab import stability
 from lodlab.errors import InvalidInput
-from lodlab.stability import replay, rules, search, trials, workers
+from lodlab.stability import meshes, replay, rules, search, trials, workers
 from lodlab.stability.trials import PAGING, Ground, Trial, draw_trial
 
 METHODS = [m["name"] for m in lod.methods()]
@@ -30,6 +30,12 @@ VIEW = {
 HILLS = {
     "rows": 70, "cols": 60, "shape": "hills", "seed": 1, "height": 1.0, "base": 0.0, "voids": None,
     "spacing": [30.0, 40.0], "origin": [0.0, 0.0],
+}  # fmt: skip
+
+
+BALL = {
+    "mesh": "ball", "detail": 12, "seed": 1, "parts": 1, "damage": None, "stretch": [1.0, 1.0, 1.0], "size": 1.0,
+    "shift": [0.0, 0.0, 0.0],
 }  # fmt: skip
 
 
@@ -78,6 +84,29 @@ def test_every_kind_of_trial_view_and_source_is_drawn() -> None:
         sources.add("flat" if "spacing" in trial.source else "globe" if trial.source["degrees"] is None else "window")
     assert kinds == set(trials.KINDS) and views == set(trials.VIEWS)
     assert sources == {"flat", "globe", "window"}
+
+
+def test_meshes_of_every_shape_and_damage_are_drawn() -> None:
+    random = np.random.default_rng(1)
+    drawn = [meshes.random_mesh(random) for _ in range(300)]
+    assert {d["mesh"] for d in drawn} == set(meshes.SHAPES) and {d["damage"] for d in drawn} == {None, *meshes.DAMAGE}
+    for recipe in drawn:
+        made, again = meshes.make_mesh(recipe), meshes.make_mesh(recipe)
+        assert made.hash() == again.hash() and 0 < len(made.faces) < 50_000
+    assert not {"mesh" in draw_trial("chunked", 0, i).source for i in range(50)} - {False}
+    assert {"mesh" in draw_trial("full", 0, i).source for i in range(20)} == {False, True}
+
+
+def test_a_damaged_mesh_is_as_its_name_says() -> None:
+    def census(damage: str | None) -> dict:
+        return meshes.make_mesh(BALL | {"damage": damage}).census
+
+    assert census(None)["oriented"] and census(None)["boundary_edges"] == 0
+    assert not census("turned")["oriented"] and census("duplicates")["duplicate_triangles"] > 0
+    assert census("no area")["degenerate_triangles"] > 0 and census("unused")["unused_vertices"] == 5
+    assert census("fins")["nonmanifold_edges"] > 0 and census("welded")["nonmanifold_vertices"] > 0
+    for damage in ("holes", "half", "soup"):
+        assert census(damage)["boundary_edges"] > 0
 
 
 def test_views_lie_where_their_name_says() -> None:
@@ -210,6 +239,14 @@ def test_a_find_is_made_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert small.draw == {} and len(small.frames) == 1
     assert small.source["voids"] is None and small.source["shape"] == "flat"
     assert (small.source["rows"], small.source["cols"]) == (2, 2)
+
+
+def test_a_find_on_a_mesh_is_made_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lod.Cut, "predicted_px", property(lambda cut: -1.0))
+    source = BALL | {"mesh": "torus", "damage": "holes", "parts": 3, "shift": [10.0, -7.0, 3.0]}
+    large = Trial("full", "frames", source, frames=frames({"pixel_error": 2.0}))
+    assert "finite" in laws(large, tmp_path)
+    assert replay.shrink(large, "finite", seconds=20.0).source == BALL | {"detail": 1}
 
 
 def test_the_snippet_of_a_find_plays_it() -> None:

@@ -15,9 +15,25 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from .search import LAWS, STAGES, play
 from .trials import Trial, draw_trial
+
+#: The plainest source: of a field, of a mesh.
+PLAIN: dict[str, Any] = {
+    "voids": None,
+    "base": 0.0,
+    "shape": "flat",
+    "height": 1.0,
+    "origin": [0.0, 0.0],
+    "spacing": [1.0, 1.0],
+    "damage": None,
+    "mesh": "ball",
+    "stretch": [1.0, 1.0, 1.0],
+    "size": 1.0,
+    "shift": [0.0, 0.0, 0.0],
+}
 
 
 def shrink(trial: Trial, law: str, seconds: float = 60.0) -> Trial:
@@ -50,14 +66,14 @@ def _simpler(trial: Trial) -> Iterator[Trial]:
         for name in getattr(trial, stage):
             if name != "stream":
                 yield replace(trial, **{stage: {k: v for k, v in getattr(trial, stage).items() if k != name}})
-    plain = {"voids": None, "base": 0.0, "shape": "flat", "height": 1.0, "origin": [0.0, 0.0], "spacing": [1.0, 1.0]}
-    for key, value in plain.items():
+    for key, value in PLAIN.items():
         if trial.source.get(key, value) != value:
             yield replace(trial, source=trial.source | {key: value})
-    for key, least in itertools.product(("rows", "cols"), (2, 3, 5, 9)):
-        if trial.source[key] > least:
+    sizes = [key for key in ("rows", "cols", "detail", "parts") if key in trial.source]
+    for key, least in itertools.product(sizes, (1, 2, 3, 5, 9)):
+        if trial.source[key] > least > (key in ("rows", "cols")):
             yield replace(trial, source=trial.source | {key: least})
-    for key in ("rows", "cols"):
+    for key in sizes:
         half = trial.source[key] // 2
         if half > 9:
             yield replace(trial, source=trial.source | {key: half})

@@ -9,7 +9,7 @@ fields of view, of sizes, of distances.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,13 +18,15 @@ import numpy as np
 from .. import _core
 from ..sources.frames import EARTH_RADIUS
 from ..sources.heightfield import HeightField
+from ..sources.mesh import Mesh
 from ..stores.methods import method_table
-from . import fields
+from . import fields, meshes
 from .stage import look
 
 #: What a trial does with its store, and how often of 20.
 KINDS = {"frames": 9, "budgets": 4, "cuts": 3, "stream": 2, "tremble": 2}
 PAGING = ("stream", "cpu_cache_mb", "gpu_cache_mb", "fetch_delay_ms")
+PATHS = ("orbit", "zoom", "flyby")  # of meshes
 VIEWS = ("over", "inside", "under", "border", "far", "grazing", "sample", "down", "through", "away")
 
 
@@ -50,15 +52,14 @@ def draw_trial(method: str, seed: int, index: int) -> Trial:
     style = _pick(random, ("plain", "plain", "deep", "any", "any"))
     streams = any(o["name"] == "stream" for o in table["options"])
     kind = "frames" if (kind == "budgets" and not table["budgets"]) or (kind == "stream" and not streams) else kind
-    planet = "planet" in table["accepts"] and random.random() < 0.5
-    source = random_source(random, planet, most=360 if kind == "stream" else 130)
+    source = _source(table["accepts"], random, most=360 if kind == "stream" else 130)
     build = {"plain": dict, "deep": lambda: _deep(table, random), "any": lambda: _options(table, "build", random)}[
         style
     ]()
     draw = _options(table, "draw", random) if style == "any" else {}
     if kind == "stream":
         draw |= _paging(table, random)
-    frames = _frames(table, kind, random)
+    frames = _frames(table, kind, random, (*VIEWS, *PATHS) if "mesh" in source else VIEWS)
     name = f"python -m lodlab.stability.replay {method} {seed} {index}"
     return Trial(method, kind, source, build, draw, frames, int(random.integers(2**31)), name)
 
@@ -74,6 +75,13 @@ def _between(random: np.random.Generator, low: float, high: float) -> float:
 
 
 # ---- sources --------------------------------------------------------------------------------------
+
+
+def _source(accepts: Sequence[str], random: np.random.Generator, most: int) -> dict[str, Any]:
+    """The recipe of a source of one of these kinds."""
+    if "mesh" in accepts and (len(accepts) == 1 or random.random() < 0.5):
+        return meshes.random_mesh(random)
+    return random_source(random, "planet" in accepts and random.random() < 0.5, most)
 
 
 def random_source(random: np.random.Generator, planet: bool, most: int = 130) -> dict[str, Any]:
@@ -117,8 +125,10 @@ def _planet_place(random: np.random.Generator, rows: int, cols: int) -> dict[str
     return out | {"degrees": [west, north, wide / (cols - 1), tall / (rows - 1)]}
 
 
-def make_source(source: Mapping[str, Any]) -> HeightField:
-    """The height field of a recipe; InvalidInput when it is none."""
+def make_source(source: Mapping[str, Any]) -> HeightField | Mesh:
+    """The height field or mesh of a recipe; InvalidInput when it is none."""
+    if "mesh" in source:
+        return meshes.make_mesh(source)
     rows, cols = source["rows"], source["cols"]
     random = np.random.default_rng(source["seed"])
     if source["shape"] == "fractal":
@@ -178,7 +188,7 @@ def _value(option: Mapping[str, Any], random: np.random.Generator) -> Any:
         return str(_pick(random, option["choices"]))
     if option["type"] == "string":  # free text: some of it is a number, some a file that is not there
         return _pick(random, (option["default"], option["default"], "1", "50", "1e-9", "0", "no such thing"))
-    low, high = option["range"]
+    low, high = (end if value is None else value for value, end in zip(option["range"], (-1e4, 1e4), strict=True))
     if option["type"] == "int":
         powers = [2**i for i in range(31) if low <= 2**i <= high]
         return int(_pick(random, (int(low), int(high), option["default"], *(_pick(random, powers) for _ in range(4)))))
@@ -201,19 +211,21 @@ def _paging(table: Mapping[str, Any], random: np.random.Generator) -> dict[str, 
 # ---- frames ---------------------------------------------------------------------------------------
 
 
-def _frames(table: Mapping[str, Any], kind: str, random: np.random.Generator) -> list[dict[str, Any]]:
+def _frames(
+    table: Mapping[str, Any], kind: str, random: np.random.Generator, kinds: Sequence[str]
+) -> list[dict[str, Any]]:
     if kind == "budgets":
-        views = [random_view(random) for _ in range(2)]
+        views = [random_view(random, kinds) for _ in range(2)]
         return [{"view": view, "budget": budget} for view in views for budget in _tight_budgets(table, random)]
     if kind == "tremble":
-        view, budget = random_view(random), random_budget(table, random)
+        view, budget = random_view(random, kinds), random_budget(table, random)
         steps = [[0.0, 0.0, 0.0], *random.normal(size=(4, 3)).tolist(), [0.0, 0.0, 0.0]]
         return [{"view": view | {"tremble": step}, "budget": budget} for step in steps]
     if kind == "stream":
-        views = [random_view(random) for _ in range(3)]
+        views = [random_view(random, kinds) for _ in range(3)]
         budget = random_budget(table, random)
         return [{"view": view, "budget": budget} for view in views for _ in range(4)]
-    return [{"view": random_view(random), "budget": random_budget(table, random)} for _ in range(4)]
+    return [{"view": random_view(random, kinds), "budget": random_budget(table, random)} for _ in range(4)]
 
 
 def random_budget(table: Mapping[str, Any], random: np.random.Generator) -> dict[str, Any]:
@@ -242,9 +254,9 @@ def _tight_budgets(table: Mapping[str, Any], random: np.random.Generator) -> lis
     return out or [random_budget(table, random)]
 
 
-def random_view(random: np.random.Generator) -> dict[str, Any]:
+def random_view(random: np.random.Generator, kinds: Sequence[str] = VIEWS) -> dict[str, Any]:
     """The recipe of a view: where the eye stands beside a sample, and where it looks."""
-    kind = _pick(random, VIEWS)
+    kind = _pick(random, kinds)
     sides = (1, 2, 3, 64, 96, 33, 160)
     return {
         "kind": kind,
@@ -280,27 +292,31 @@ class Ground:
         r, c = (round(share * (n - 1)) for share, n in zip((row, col), self.shape, strict=True))
         return self.core.position([r], [c])[0]
 
-    def axes(self, point: np.ndarray) -> np.ndarray:
-        """(3, 3): east, north, up at a point, as rows."""
-        if not self.core.planet:
-            return np.eye(3)
-        up = point / np.linalg.norm(point)
-        east = np.cross([0.0, 0.0, 1.0], up) if abs(up[2]) < 0.999 else np.cross([1.0, 0.0, 0.0], up)
-        east /= np.linalg.norm(east)
-        return np.stack([east, np.cross(up, east), up])
+    def place(self, row: float, col: float) -> tuple[np.ndarray, np.ndarray]:
+        """The sample at these shares, and (3, 3) east, north, up there, as rows."""
+        point = self.sample(row, col)
+        return point, meshes.axes_of(point / np.linalg.norm(point)) if self.core.planet else np.eye(3)
 
 
-def make_view(ground: Ground, view: Mapping[str, Any]) -> _core.View:
+def ground_of(source: HeightField | Mesh) -> Ground | meshes.About:
+    """What views stand on."""
+    return meshes.About(source) if isinstance(source, Mesh) else Ground(source)
+
+
+def make_view(ground: Ground | meshes.About, view: Mapping[str, Any]) -> _core.View:
     """The view of a recipe; InvalidInput when it is none."""
     at, to, kind = list(view["at"]), view["to"], view["kind"]
     if kind == "border":
         at[int(at[0] < 0.5)] = float(round(at[1]))
-    foot, target = ground.sample(*at), ground.sample(*to)
-    axes = ground.axes(foot)
+    (foot, axes), (target, _) = ground.place(*at), ground.place(*to)
     way = np.array(view["way"]) @ axes
     side, up = axes[0], axes[2]
     cell, span, relief, away = ground.cell, ground.span, ground.relief, view["away"]
+    if kind in PATHS:
+        on_path = ground.along(kind, at[0])
+        foot, target = on_path.eye, on_path.target
     eye = {
+        **dict.fromkeys(PATHS, foot),
         "over": foot + (0.7 * way + (0.4 + abs(view["way"][2])) * up) * span,
         "inside": foot + 0.3 * relief * way,
         "under": foot - up * (relief + away * cell),

@@ -24,7 +24,7 @@ from typing import Any
 from .. import _core
 from .search import LAWS, Found, make_source, make_view, play
 from .stage import Figure, Stage
-from .trials import Ground, draw_trial
+from .trials import draw_trial, ground_of
 
 SHORT_TRIALS, LONG_TRIALS = 90, 3000  # a method, where no time is named
 PATIENCE = 120.0  # seconds for one trial; beyond: a hang
@@ -214,7 +214,7 @@ def _picture(stage: Stage, total: Sum) -> Any:
         try:
             source = make_source(trial.source)
             other = stage.other(trial.name, source)
-            view = make_view(Ground(source), trial.frames[0]["view"])
+            view = make_view(ground_of(source), trial.frames[0]["view"])
             session = other.session()
             cut = session.select(view, _core.Budget(pixel_error=1.0))
             return session.draw(cut, view).image

@@ -70,7 +70,7 @@ Patch simplified(const Patch& patch) {
 /// The largest distance, either way: a maximum is found within a tolerance below it.
 double deviation(const WeldedMesh& drawn, const WeldedMesh& part, const MeshSurface& source, double extent) {
   const auto farthest = [&](const WeldedMesh& from, const MeshSurface& to) {
-    return surface_distance(from, closest_to_vertices(from, to), to, extent, kMostPieces).max;
+    return largest_distance(from, closest_to_vertices(from, to), to, extent, kMostPieces);
   };
   const double found = std::max(farthest(drawn, source), farthest(part, MeshSurface(drawn)));
   return found * (1.0 + 2.0 * kMaxTolerance);
