@@ -356,6 +356,27 @@ def test_glb_has_y_up_and_says_what_it_is_of(say, folder, tmp_path):
 
 
 @pytest.mark.parametrize("kind", [".ply", ".glb", ".obj"])
+def test_a_mesh_is_exported_where_it_lies_with_its_colours(say, tmp_path, kind):
+    ball = lod.datasets.load("icosphere:level=3")
+    shades = np.clip(128.0 + 127.0 * ball.positions, 0, 255).astype(np.uint8)
+    mesh = lod.Mesh(ball.positions * [1.0, 2.0, 3.0] + 7.0, ball.faces, colors=shades)
+    assert say("build", written(mesh, tmp_path / "ball.ply"), "full", tmp_path / "s.lod")[0] == 0
+    assert say("export", tmp_path / "s.lod", tmp_path / f"m{kind}")[0] == 0
+    again = lod.Mesh.open(tmp_path / f"m{kind}")
+    assert again.census == mesh.census and np.abs(again.bounds - mesh.bounds).max() < 1e-5
+    order, wanted = (np.lexsort(np.round(m.positions, 3).T) for m in (again, mesh))
+    assert np.abs(again.colors[order].astype(int) - mesh.colors[wanted]).max() <= (
+        13 if kind == ".glb" else 1  # .glb has 8 bits of linear light: few shades where it is dark
+    )
+
+
+def written(mesh: lod.Mesh, file: Path) -> Path:
+    """A mesh as a PLY file with colours."""
+    trimesh.Trimesh(mesh.positions, mesh.faces, vertex_colors=mesh.colors, process=False).export(file)
+    return file
+
+
+@pytest.mark.parametrize("kind", [".ply", ".glb", ".obj"])
 def test_export_carries_the_colours_of_a_map(say, folder, tmp_path, kind):
     columns, rows = np.meshgrid(np.arange(65) * 3, np.arange(65) * 3)
     raster = np.dstack([columns, rows, np.full_like(rows, 50), np.full_like(rows, 255)]).astype(np.uint8)

@@ -132,8 +132,8 @@ def export(
 ) -> None:
     """The cut of one view as a mesh.
 
-    An indexed mesh in source coordinates, with normals, and colours where the store has them; .glb is turned by its
-    node so that y is up. Fillers (skirts) are left out. 1 px where no budget is given.
+    An indexed mesh in source coordinates, with normals, and colours where the store has them; of ground, .glb is turned
+    by its node so that y is up. Fillers (skirts) are left out. 1 px where no budget is given.
     """
     from ..stores.export import about, check_name, save
 
@@ -143,7 +143,8 @@ def export(
     budget = limits.given()
     _, cut, view = one_cut(opened, sight, at, budget, options_from(option))
     made = cut.to_trimesh(view)
-    save(mesh, made, about(opened, cut, budget or {"pixel_error": 1.0}))
+    known = about(opened, cut, budget or {"pixel_error": 1.0})
+    save(mesh, made, known, ground=opened.source_kind != "mesh")
     typer.echo(f"{mesh}: {len(made.vertices):,} vertices, {len(made.faces):,} triangles")
 
 

@@ -213,7 +213,7 @@ class _Scene:
         colors = None
         if "COLOR_0" in named:
             wide = _item(self._document["accessors"], named["COLOR_0"])["type"] == "VEC4"
-            colors = as_bytes(self._accessor(named["COLOR_0"], 4 if wide else 3))
+            colors = _shown(self._accessor(named["COLOR_0"], 4 if wide else 3))
         if not np.array_equal(matrix, np.eye(4)):
             moved = moved @ turned.T + matrix[:3, 3]
             if normals is not None:
@@ -241,6 +241,15 @@ def _item(items: Any, index: Any) -> Any:
     if not isinstance(index, int) or not 0 <= index < len(items):
         raise InvalidInput(f"it names item {index!r} of {len(items)}")
     return items[index]
+
+
+def _shown(colors: np.ndarray) -> np.ndarray:
+    """(V, 4) uint8, sRGB as everywhere else, of colours that are linear by the standard; alpha as it is."""
+    most = 1.0 if colors.dtype.kind == "f" else np.iinfo(colors.dtype).max
+    share = np.clip(np.nan_to_num(colors / most), 0.0, 1.0)
+    linear = share[:, :3]
+    share[:, :3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+    return as_bytes(share)
 
 
 def _transform(node: dict[str, Any]) -> np.ndarray:

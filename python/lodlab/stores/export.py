@@ -2,8 +2,8 @@
 """Meshes into files: .ply and .obj with double coordinates, .glb with its offset in the node's transform.
 
 All carry a normal a vertex, and a colour where the mesh has them. What the mesh is of (source, CRS, budget, view)
-stands in .glb as extras of its node, in the others as comments. Coordinates are the source's, z up; .glb, whose y is up
-by its standard, turns them in the node: x east, y up, z south.
+stands in .glb as extras of its node, in the others as comments. Coordinates are the source's. Those of height fields
+have z up; .glb, whose y is up by its standard, turns them in the node: x east, y up, z south. Meshes stay as they are.
 """
 
 from __future__ import annotations
@@ -34,12 +34,18 @@ def check_name(path: str | os.PathLike[str]) -> None:
         raise InvalidInput(f"write mesh: no directory {file.parent}")
 
 
-def save(path: str | os.PathLike[str], mesh: Any, about: Mapping[str, Any] | None = None) -> None:
-    """Writes a `trimesh.Trimesh`; the format follows the file's ending. `about`: what it is of, as JSON has it."""
+def save(
+    path: str | os.PathLike[str], mesh: Any, about: Mapping[str, Any] | None = None, *, ground: bool = True
+) -> None:
+    """Writes a `trimesh.Trimesh`; the format follows the file's ending. `about`: what it is of, as JSON has it.
+    `ground`: its z is up, which .glb turns."""
     check_name(path)
-    file = Path(path)
-    make = {".ply": ply, ".obj": obj, ".glb": glb}[file.suffix.lower()]
-    write_atomic(file, make(mesh, about or {}))
+    file, about = Path(path), about or {}
+    match file.suffix.lower():
+        case ".glb":
+            write_atomic(file, glb(mesh, about, Y_UP if ground else np.eye(4)))
+        case kind:
+            write_atomic(file, (ply if kind == ".ply" else obj)(mesh, about))
 
 
 def about(store: Any, cut: Any, budget: Mapping[str, Any]) -> dict[str, Any]:
@@ -74,10 +80,17 @@ def normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def colors(store: Any, vertices: np.ndarray) -> np.ndarray | None:
-    """(V, 4) uint8: the store's colour raster at its vertices, between texels linear; None where it has none.
+    """(V, 4) uint8: the store's colour raster at its vertices, between texels linear; of a mesh those of the nearest
+    vertices of its source; None where it has none.
 
-    StoreError when the raster, which the option `attribute` names, cannot be read any more.
+    StoreError when the raster, which the option `attribute` names, or the source cannot be read any more.
     """
+    if store.source_kind == "mesh":
+        if not store.frame["colors"]:
+            return None
+        from scipy.spatial import KDTree
+
+        return store.source.colors[KDTree(store.source.positions).query(vertices)[1]]
     file = store.options.get("attribute")
     if not file:
         return None
@@ -182,9 +195,9 @@ def _linear(color: np.ndarray | None) -> np.ndarray | None:
     return np.hstack([np.rint(255.0 * linear).astype(np.uint8), color[:, 3:]])
 
 
-def glb(mesh: Any, about: Mapping[str, Any]) -> bytes:
-    """Binary glTF. Its positions are floats, so the mesh's middle goes into the node's matrix (doubles), with the turn
-    that makes y up. Colours are linear, as its standard has them; the material is dull, where none would be metal."""
+def glb(mesh: Any, about: Mapping[str, Any], turn: np.ndarray) -> bytes:
+    """Binary glTF. Its positions are floats, so the mesh's middle goes into the node's matrix (doubles), with a `turn`
+    (4, 4). Colours are linear, as its standard has them; the material is dull, where none would be metal."""
     import trimesh
 
     vertices, faces, normal, color = _carried(mesh)
@@ -193,7 +206,7 @@ def glb(mesh: Any, about: Mapping[str, Any]) -> bytes:
         vertices - middle, faces, vertex_normals=normal, vertex_colors=_linear(color), process=False
     )
     scene = trimesh.Scene()
-    scene.add_geometry(local, transform=Y_UP @ trimesh.transformations.translation_matrix(middle))
+    scene.add_geometry(local, transform=turn @ trimesh.transformations.translation_matrix(middle))
 
     def keep(tree: dict[str, Any]) -> None:
         node = next(node for node in tree["nodes"] if "mesh" in node)

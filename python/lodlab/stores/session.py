@@ -129,8 +129,8 @@ class Cut:
 
         The surface is the one that the GPU emits for `view` (default: the cut's own). Fillers are left
         out, equal vertices are merged bit for bit, triangles without area dropped. Height fields with
-        voids: triangles over a void are kept. A store with a colour raster gives its vertices their colours,
-        unless `colors` is False; StoreError when the raster cannot be read any more.
+        voids: triangles over a void are kept. A store with a colour raster, or of a mesh with colours, gives its
+        vertices theirs, unless `colors` is False; StoreError when they cannot be read any more.
         """
         import trimesh
 
