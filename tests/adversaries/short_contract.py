@@ -11,6 +11,7 @@ import pytest
 
 if "lodlab" not in sys.modules:  # a child that is spawned to be killed: it needs this core, too
     from tests.adversaries import load_core  # noqa: F401
+import lodlab as lod
 from tests import contract
 
 
@@ -24,7 +25,8 @@ class ShortContract(contract.MethodContract):
     @pytest.fixture(scope="class", params=["odd", "smallest", "voids"])
     @classmethod
     def made(cls, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> contract.Measured:
-        return contract.Measured(cls.method, request.param, tmp_path_factory.mktemp(request.param))
+        field = lod.HeightField(contract.FIELDS[request.param](), spacing=(30.0, 40.0))
+        return contract.Measured(cls.method, field, tmp_path_factory.mktemp(request.param))
 
     def test_killed_build_resumes_or_says_incomplete(self, tmp_path: Path) -> None:
         """Killed once: each child takes seconds to start."""

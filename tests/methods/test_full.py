@@ -11,22 +11,11 @@ import pytest
 import lodlab as lod
 from lodlab import _core
 from lodlab.instrument import measure
-from tests.contract import MethodContract, over
+from tests.contract import MethodContract
 
 
 class TestFull(MethodContract):
     method = "full"
-
-    def check_hard(self, made, name: str, limit: int) -> None:
-        """Budgets are ignored: the one cut is drawn and counts as met."""
-        session, view = made.session(), over(made.field)
-        cut, row = session.time_frame(view, _core.Budget(**{name: limit}))
-        assert cut.budget_met
-        assert row["triangles"] == cut.triangles == self.submitted(session, cut, view)
-
-    def test_pixel_error_is_reached_or_missed_openly(self, made) -> None:
-        cut = made.session().select(over(made.field), _core.Budget(pixel_error=0.01))
-        assert cut.budget_met and cut.predicted_px == 0.0
 
 
 @pytest.mark.parametrize("spec", ["jacksboro", "earth:vertical_scale=20", "earth:planet=true"])
