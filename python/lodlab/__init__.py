@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """lodlab: a laboratory for level of detail.
 
-Bring a terrain, build its hierarchy with a method, fly a camera along a path under budgets, without a
+Bring a terrain or a mesh, build its hierarchy with a method, fly a camera along a path under budgets, without a
 window, and get pictures and one table of what each frame cost and how wrong it measurably was.
 
     import lodlab as lod

@@ -14,6 +14,7 @@ from lodlab.instrument import measure
 from lodlab.instrument.yardstick import look_of
 from tests.contract import over
 
+from .map_paging import BUDGET, memory_is_within, settled, slow_storage_delays_no_frame, views
 from .test_multigrain_colors import NEAR, from_space, noise, pictures, raster
 
 
@@ -151,28 +152,6 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[lod.HeightField, l
     return field, store
 
 
-BUDGET = _core.Budget(pixel_error=1.0)
-
-
-def views(field: lod.HeightField, count: int) -> list[_core.View]:
-    """Low over the field, along its diagonal."""
-    x0, y0 = field.origin
-    dx, dy = field.spacing
-    top = float(np.nanmax(field.heights))
-    out = []
-    for at in np.linspace(150, 800, count):
-        eye = (x0 + at * dx, y0 - at * dy, top + 40 * dx)
-        out.append(_core.View(eye, (eye[0] + 90 * dx, eye[1] - 90 * dy, top - 60 * dx), fov=60.0, size=(160, 90)))
-    return out
-
-
-def settled(session: object, view: _core.View, frames: int = 12) -> tuple[_core.Cut, dict]:
-    for _ in range(frames):
-        session.settle()
-        cut, row = session.time_frame(view, BUDGET)
-    return cut, row
-
-
 def test_maps_come_while_one_flies(mapped) -> None:
     field, store = mapped
     session, loaded = store.core.session({"stream": True}), store.core.session({"stream": False})
@@ -199,32 +178,12 @@ def test_a_coarser_tile_stands_in(mapped) -> None:
 
 
 def test_slow_storage_delays_no_frame(mapped) -> None:
-    field, store = mapped
-    instrument = _core.Instrument(field.core, None)
-    session = store.core.session({"stream": True, "fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
-    for view in views(field, 5):
-        cut, row = session.time_frame(view, BUDGET)
-        assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"
-        assert row["resident_bytes"] <= 24 << 20
-        found = instrument.examine(session, cut, view, pictures=False)
-        assert (found.crack_edges, found.hole_samples) == (0, 0)
+    slow_storage_delays_no_frame(*mapped)
 
 
 @pytest.mark.parametrize("stream", [True, False])
 def test_memory_of_maps_is_within_the_budget(mapped, stream: bool) -> None:
-    field, store = mapped
-    small = store.core.session({"stream": stream, "gpu_cache_mb": 24, "cpu_cache_mb": 8})
-    large = store.core.session({"stream": False})
-    uploads = 0
-    for view in views(field, 6) + views(field, 6)[::-1]:
-        for _ in range(3):
-            small.settle()
-            cut, row = small.time_frame(view, BUDGET)
-            uploads += row["upload_bytes"]
-            assert row["resident_bytes"] <= 24 << 20
-        if not stream:  # in rounds, if need be
-            assert np.array_equal(small.draw(cut, view).image, large.draw(cut, view).image)
-    assert uploads > 24 << 20  # tiles went, and came again
+    memory_is_within(*mapped, stream=stream, gpu_cache_mb=24)
 
 
 def test_caches_that_cannot_hold_the_coarsest_tiles_are_refused(mapped) -> None:

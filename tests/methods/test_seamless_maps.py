@@ -16,8 +16,9 @@ from lodlab.instrument import measure
 from lodlab.instrument.yardstick import look_of
 from tests.contract import over
 
+from .map_paging import BUDGET, memory_is_within, settled, slow_storage_delays_no_frame, views
 from .test_multigrain_colors import NEAR, noise, pictures, raster
-from .test_multigrain_normals import BUDGET, fractal, settled, views
+from .test_multigrain_normals import fractal
 
 
 def pair(field: lod.HeightField, folder: Path, **options: Any) -> tuple[lod.Store, lod.Store]:
@@ -148,32 +149,12 @@ def test_maps_come_while_one_flies(mapped) -> None:
 
 
 def test_slow_storage_delays_no_frame(mapped) -> None:
-    field, store = mapped
-    instrument = _core.Instrument(field.core, None)
-    session = store.core.session({"stream": True, "fetch_delay_ms": 200, "gpu_cache_mb": 24, "cpu_cache_mb": 16})
-    for view in views(field, 5):
-        cut, row = session.time_frame(view, BUDGET)
-        assert cut.missing_nodes > 0, "a frame that waits for storage misses nothing"
-        assert row["resident_bytes"] <= 24 << 20
-        found = instrument.examine(session, cut, view, pictures=False)
-        assert (found.crack_edges, found.hole_samples) == (0, 0)
+    slow_storage_delays_no_frame(*mapped)
 
 
 @pytest.mark.parametrize("stream", [True, False])
 def test_memory_of_maps_is_within_the_budget(mapped, stream: bool) -> None:
-    field, store = mapped
-    small = store.core.session({"stream": stream, "gpu_cache_mb": 16, "cpu_cache_mb": 8})
-    large = store.core.session({"stream": False})
-    uploads = 0
-    for view in views(field, 6) + views(field, 6)[::-1]:
-        for _ in range(3):
-            small.settle()
-            cut, row = small.time_frame(view, BUDGET)
-            uploads += row["upload_bytes"]
-            assert row["resident_bytes"] <= 16 << 20
-        if not stream:  # in rounds, if need be
-            assert np.array_equal(small.draw(cut, view).image, large.draw(cut, view).image)
-    assert uploads > 16 << 20  # tiles went, and came again
+    memory_is_within(*mapped, stream=stream, gpu_cache_mb=16)
 
 
 def test_caches_that_cannot_hold_the_coarsest_tiles_are_refused(mapped) -> None:

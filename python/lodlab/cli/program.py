@@ -42,7 +42,7 @@ def program(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version and exit.")
     ] = False,
 ) -> None:
-    """A laboratory for level of detail: build hierarchies of terrains, fly them under budgets, measure."""
+    """A laboratory for level of detail: build hierarchies of terrains and meshes, fly them under budgets, measure."""
 
 
 for group in (inventory, build, fly, render, verdicts):  # as --help lists them
