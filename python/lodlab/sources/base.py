@@ -23,6 +23,7 @@ class Source:
     windowed = False  # heights that are read by windows: sources.windowed
     name: str
     used: dict[str, str]  # what of a file was used to place it, in words
+    _hash: str | None = None
 
     @property
     def core(self) -> Any:
@@ -37,7 +38,7 @@ class Source:
     @property
     def spec(self) -> str:
         """SOURCE text that loads it again, or empty for arrays."""
-        raise NotImplementedError
+        return self.core.spec
 
     @property
     def samples(self) -> int:
@@ -50,7 +51,9 @@ class Source:
 
     def hash(self) -> str:
         """32 hex digits of all that is measured against."""
-        return self.core.hash()
+        if self._hash is None:
+            self._hash = self.core.hash()
+        return self._hash
 
     def thumbnail(self, width: int = 256) -> np.ndarray:
         """A picture of it, (h, w, 3) uint8, at most `width` pixels wide or high."""

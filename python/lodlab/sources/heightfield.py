@@ -122,7 +122,6 @@ class HeightField(FieldSource):
         del frame["rows"], frame["cols"]
         self._core = _core.HeightField(heights, mask, **frame, spec=spec)
         self.name = name
-        self._hash: str | None = None
         self.used = {} if raster is None else raster.place.used()
 
     @classmethod
@@ -254,17 +253,6 @@ class HeightField(FieldSource):
         """(H, W) float32, metres; voids hold the membrane that was put there. Read-only."""
         return self._core.heights
 
-    @property
-    def spec(self) -> str:
-        """SOURCE text that loads this field again, or empty for arrays."""
-        return self._core.spec
-
-    def hash(self) -> str:
-        """32 hex digits of heights, voids and placement."""
-        if self._hash is None:
-            self._hash = self._core.hash()
-        return self._hash
-
     def __getstate__(self) -> dict[str, Any]:
         """What a worker process needs to have the same field."""
         core = self._core
@@ -276,7 +264,6 @@ class HeightField(FieldSource):
         self._core = _core.HeightField(*state["arrays"], **state["frame"], spec=state["spec"])
         self.name = state["name"]
         self.used = state.get("used", {})
-        self._hash = None
 
     @property
     def frame(self) -> dict[str, Any]:

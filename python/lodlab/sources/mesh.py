@@ -158,7 +158,6 @@ class Mesh(Source):
         self._core = _core.Mesh(data.positions, data.faces, data.colors, data.normals, spec=spec)
         self.name = name
         self.used = data.used
-        self._hash: str | None = None
         self._census: dict[str, Any] | None = None
 
     @property
@@ -215,17 +214,6 @@ class Mesh(Source):
     def samples(self) -> int:
         """Vertices."""
         return len(self.positions)
-
-    @property
-    def spec(self) -> str:
-        """SOURCE text that loads this mesh again, or empty for arrays."""
-        return self._core.spec
-
-    def hash(self) -> str:
-        """32 hex digits of positions, faces, colours and normals."""
-        if self._hash is None:
-            self._hash = self._core.hash()
-        return self._hash
 
     def thumbnail(self, width: int = 256) -> np.ndarray:
         """The mesh from its front, upper right, (width, width, 3) uint8; y up."""
