@@ -38,4 +38,22 @@ SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Close
 double largest_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                         const MeshSurface& to, double extent, int64_t most_pieces);
 
+/// Who is held to a point of a surface, where the other one is drawn in shares that meet and overlap: the
+/// share that is closest, or, where it does not reach the point, the closest of those that do.
+struct Shares {
+  std::vector<uint32_t> of;   ///< each triangle's
+  std::vector<double> reach;  ///< how far each is said to be
+  double longest = 0.0;       ///< of these
+};
+
+/// The closest point of `to` that is held to a point, given the closest of all.
+Closest held_to(const MeshSurface& to, const Shares& shares, const glm::dvec3& point, const Closest& closest);
+
+/// The largest distance to which each share is held: every point of `from`, not its vertices alone, is within
+/// the tolerance no farther from one of the shares than that share's. `at_vertices`: as above; `seen`: of
+/// each share a distance attained, which these are no less than. Throws as above.
+std::vector<double> shared_distances(const WeldedMesh& from, std::vector<Closest> at_vertices,
+                                     const MeshSurface& to, const Shares& shares, std::vector<double> seen,
+                                     double extent, int64_t most_pieces);
+
 }  // namespace lodlab

@@ -62,6 +62,7 @@ struct Search {
   const WeldedMesh& mesh;
   glm::dvec3 point;
   double scale, reach;
+  const std::function<bool(uint32_t, double)>* is = nullptr;  ///< what alone is asked for
   double squared = std::numeric_limits<double>::infinity();
   glm::dvec3 closest{std::numeric_limits<double>::quiet_NaN()};
   uint32_t triangle = kNoTriangle;
@@ -70,6 +71,7 @@ struct Search {
     glm::dvec3 at;
     const double found = measure(mesh.triangle(candidate), point, at);
     if (found > squared || (found == squared && candidate >= triangle)) return;
+    if (is != nullptr && !(*is)(candidate, std::sqrt(found))) return;
     squared = found;
     closest = at;
     triangle = candidate;
@@ -216,6 +218,15 @@ Closest MeshSurface::closest(const glm::dvec3& point, uint32_t hint) const {
   Search search{mesh_, point, scale_, 1.0 + largest(scaled)};
   if (hint != kNoTriangle) search.consider(hint);
   query(scene_->scene, scaled, search.radius(), &visit, &search);
+  return {std::sqrt(search.squared), search.closest, search.triangle};
+}
+
+Closest MeshSurface::closest_within(const glm::dvec3& point, double distance,
+                                    const std::function<bool(uint32_t, double)>& is) const {
+  if (scene_ == nullptr) return {};
+  const glm::dvec3 scaled = scale_ * point;
+  Search search{mesh_, point, scale_, 1.0 + largest(scaled), &is};
+  query(scene_->scene, scaled, padded(scale_ * distance, search.reach), &visit, &search);
   return {std::sqrt(search.squared), search.closest, search.triangle};
 }
 

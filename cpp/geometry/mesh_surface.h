@@ -60,6 +60,10 @@ class MeshSurface {
   /// saves time and changes nothing. Any number of threads may ask at once.
   Closest closest(const glm::dvec3& point, uint32_t hint = kNoTriangle) const;
 
+  /// The closest of the triangles within a distance that are as asked, else none.
+  Closest closest_within(const glm::dvec3& point, double distance,
+                         const std::function<bool(uint32_t triangle, double distance)>& is) const;
+
   /// Whether one of the triangles within a distance is as asked.
   bool any_within(const glm::dvec3& point, double distance,
                   const std::function<bool(uint32_t triangle)>& is) const;

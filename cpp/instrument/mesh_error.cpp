@@ -9,11 +9,15 @@
 namespace lodlab::instrument {
 namespace {
 
-/// Work that a maximum may take, in pieces of surface (10 us each): minutes. One surface cut into other
-/// triangles takes about 10 a triangle; most take a few thousand in all.
+/// Pieces of surface, 10 us each. One surface cut into other triangles takes about 10 a triangle; most take a
+/// few thousand in all.
 constexpr int64_t kMostPieces = int64_t{1} << 24, kMostPiecesPerTriangle = 32;
 
 }  // namespace
+
+int64_t most_pieces(const MeshSurface& a, const MeshSurface& b) {
+  return kMostPieces + kMostPiecesPerTriangle * (a.mesh().triangles() + b.mesh().triangles());
+}
 
 double vertex_error_px(const WeldedMesh& from, const std::vector<Closest>& there, const Camera& camera,
                        const glm::dvec3& offset) {
@@ -35,8 +39,7 @@ TwoSided two_sided(const MeshSurface& source, const MeshSurface& drawn, const st
     out.max_to_drawn = out.rms_to_drawn = kInfinite;
     return out;
   }
-  const int64_t triangles = source.mesh().triangles() + drawn.mesh().triangles();
-  const int64_t most = kMostPieces + kMostPiecesPerTriangle * triangles;
+  const int64_t most = most_pieces(source, drawn);
   const auto there = surface_distance(source.mesh(), at_source, drawn, extent, most);
   const auto back =
       surface_distance(drawn.mesh(), closest_to_vertices(drawn.mesh(), source), source, extent, most);

@@ -17,6 +17,9 @@ namespace lodlab::instrument {
 TwoSided two_sided(const MeshSurface& source, const MeshSurface& drawn, const std::vector<Closest>& at_source,
                    double extent);
 
+/// Work that a maximum between two surfaces may take: minutes.
+int64_t most_pieces(const MeshSurface& a, const MeshSurface& b);
+
 /// The largest screen distance, pixels, from vertices inside the frustum to where they are closest; `offset`
 /// leads from mesh coordinates to those relative to the eye. nan when none is inside.
 double vertex_error_px(const WeldedMesh& from, const std::vector<Closest>& there, const Camera& camera,

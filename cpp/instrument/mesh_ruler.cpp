@@ -65,43 +65,6 @@ std::map<uint32_t, WeldedMesh> by_node(const DrawnMesh& drawn) {
   return out;
 }
 
-/// Which node is held to a point of the source. Where several nodes meet or overlap, the closest surface may
-/// be one of a smaller bound than that of the node that stands for the point.
-class Keepers {
- public:
-  Keepers(const std::map<uint32_t, WeldedMesh>& parts, const NodeBound& bound, double slack)
-      : bound_(bound), slack_(slack) {
-    for (const auto& [node, mesh] : parts) {
-      Part& part = parts_.emplace_back(Part{node, bound(node), &mesh, {}, nullptr});
-      for (const glm::dvec3& p : mesh.positions) part.box.add(p);
-    }
-  }
-  /// The closest node and its distance, or another that keeps its bound where that one does not.
-  NodeError of(const glm::dvec3& point, const NodeError& closest) {
-    if (closest.max <= bound_(closest.node) + slack_) return closest;
-    for (Part& part : parts_) {
-      const double reach = part.bound + slack_;
-      if (closest.max > reach || distance(part.box, point) > reach) continue;
-      if (part.surface == nullptr) part.surface = std::make_unique<MeshSurface>(*part.mesh);
-      const double found = part.surface->closest(point).distance;
-      if (found <= reach) return {part.node, found};
-    }
-    return closest;
-  }
-
- private:
-  struct Part {
-    uint32_t node;
-    double bound;
-    const WeldedMesh* mesh;
-    Box box;
-    std::unique_ptr<MeshSurface> surface;
-  };
-  std::vector<Part> parts_;
-  const NodeBound& bound_;
-  double slack_;
-};
-
 class LaidOnMesh final : public Laid {
  public:
   LaidOnMesh(const MeshRuler& ruler, Shown shown) : ruler_(ruler), shown_(std::move(shown)) {}
@@ -190,32 +153,40 @@ class LaidOnMesh final : public Laid {
   std::optional<TwoSided> two_sided_;
 };
 
-/// From what a node draws: its own distance. To it: from the source's vertices that are closest to it, but
-/// for those that are beyond its bound and within another's of that one; where one node draws all, from
-/// everywhere.
+/// The nodes of what is drawn as shares of it, in the order of `parts`.
+Shares shares_of(const DrawnMesh& drawn, const std::map<uint32_t, WeldedMesh>& parts, const NodeBound& bound,
+                 double slack) {
+  Shares out;
+  std::map<uint32_t, uint32_t> place;
+  for (const auto& [node, part] : parts) {
+    place[node] = static_cast<uint32_t>(out.reach.size());
+    out.reach.push_back(bound(node) + slack);
+    out.longest = std::max(out.longest, out.reach.back());
+  }
+  for (const uint32_t node : drawn.nodes) out.of.push_back(place[node]);
+  return out;
+}
+
+/// From what a node draws: its own distance. To it: from what of the source it is held to, where one node
+/// draws all from everywhere.
 std::vector<NodeError> LaidOnMesh::node_errors() {
   const DrawnMesh& drawn = now();
-  std::map<uint32_t, double> largest;
   const auto parts = by_node(drawn);
+  std::vector<double> largest;
   if (parts.size() == 1) {
-    largest[parts.begin()->first] = samples().max;
-  } else {
+    largest.push_back(samples().max);
+  } else if (!parts.empty()) {
+    const MeshSurface& source = ruler_.surface();
     const double size = extent(drawn.mesh);
-    for (const auto& [node, part] : parts) {
-      const auto there = closest_to_vertices(part, ruler_.surface());
-      const int64_t most = int64_t{1} << 24;
-      largest[node] = largest_distance(part, there, ruler_.surface(), size, most);
-    }
-    Keepers keepers(parts, shown_.bound, ruler_.slack(shown_.camera.eye));
-    for (size_t i = 0; i < at_source().size() && !parts.empty(); ++i) {
-      const Closest& closest = at_source()[i];
-      const NodeError kept =
-          keepers.of(ruler_.surface().mesh().positions[i], {drawn.nodes[closest.triangle], closest.distance});
-      largest[kept.node] = std::max(largest[kept.node], kept.max);
-    }
+    const int64_t most = most_pieces(source, *drawn.surface);
+    for (const auto& [node, part] : parts)
+      largest.push_back(largest_distance(part, closest_to_vertices(part, source), source, size, most));
+    const Shares shares = shares_of(drawn, parts, shown_.bound, ruler_.slack(shown_.camera.eye));
+    largest =
+        shared_distances(source.mesh(), at_source(), *drawn.surface, shares, std::move(largest), size, most);
   }
   std::vector<NodeError> out;
-  for (const auto& [node, max] : largest) out.push_back({node, max});
+  for (const auto& [node, part] : parts) out.push_back({node, largest[out.size()]});
   return out;
 }
 

@@ -401,6 +401,69 @@ TEST_CASE("random triangles: maxima against dense sampling by brute force") {
   }
 }
 
+TEST_CASE("shares of random triangles: every sampled point is as near to one as that one's distance says") {
+  int in_reach = 0, out_of_reach = 0;
+  for (uint32_t seed = 0; seed < 24; ++seed) {
+    const Soup source = random_soup(8 + int(seed), seed), drawn = random_soup(30 - int(seed), seed + 100);
+    const WeldedMesh from = weld(source, {}), to = weld(drawn, {});
+    const MeshSurface surface(to);
+    constexpr uint32_t kShares = 3;
+    Shares shares;
+    std::vector<Soup> parts(kShares);
+    for (uint32_t i = 0; i < drawn.size(); ++i) {
+      shares.of.push_back(i % kShares);
+      parts[i % kShares].push_back(drawn[i]);
+    }
+    std::mt19937 engine(seed);
+    std::uniform_real_distribution<double> uniform(0.0, 2.0);
+    for (uint32_t i = 0; i < kShares; ++i) shares.reach.push_back(seed % 3 == 0 ? 0.0 : uniform(engine));
+    shares.longest = *std::max_element(shares.reach.begin(), shares.reach.end());
+    const std::vector<Closest> at = closest_to_vertices(from, surface);
+    const std::vector<double> found =
+        shared_distances(from, at, surface, shares, std::vector<double>(kShares, 0.0), 4.0, 10'000'000);
+    const double farthest = largest_distance(from, at, surface, 4.0, 10'000'000);
+    CHECK(*std::max_element(found.begin(), found.end()) >= farthest * (1.0 - kMaxTolerance));
+    double most_over = 0.0, farthest_out = -kInf, spacing = 0.0;
+    constexpr int kSteps = 24;
+    for (const Triangle& t : source) {
+      for (size_t i = 0; i < 3; ++i)
+        spacing = std::max(spacing, glm::distance(t[i], t[(i + 1) % 3]) / kSteps);
+      for (int i = 0; i <= kSteps; ++i) {
+        for (int j = 0; i + j <= kSteps; ++j) {
+          const glm::dvec3 p =
+              t[0] + (t[1] - t[0]) * (double(i) / kSteps) + (t[2] - t[0]) * (double(j) / kSteps);
+          double over = kInf, beyond = kInf;
+          for (uint32_t share = 0; share < kShares; ++share) {
+            const double distance = brute(parts[share], p);
+            over = std::min(over, distance - found[share] * (1.0 + kMaxTolerance));
+            beyond = std::min(beyond, distance - shares.reach[share]);
+          }
+          most_over = std::max(most_over, over);
+          farthest_out = std::max(farthest_out, beyond);
+        }
+      }
+    }
+    CHECK(most_over <= 1e-8);
+    // One is found beyond its reach where some point is in reach of none, and nowhere else.
+    bool kept = true;
+    for (uint32_t i = 0; i < kShares; ++i) kept = kept && found[i] <= shares.reach[i];
+    if (farthest_out > 4.0 * kMaxTolerance) {
+      ++out_of_reach;
+      CHECK_FALSE(kept);
+    }
+    if (farthest_out < -spacing) {
+      ++in_reach;
+      CHECK(kept);
+    }
+    set_thread_count(1);
+    CHECK(shared_distances(from, at, surface, shares, std::vector<double>(kShares, 0.0), 4.0, 10'000'000) ==
+          found);
+    set_thread_count(0);
+  }
+  CHECK(in_reach >= 3);
+  CHECK(out_of_reach >= 8);
+}
+
 TEST_CASE("surfaces that are everywhere about as far as they can be end in bounded work") {
   // Along the axis of a tube every point is a maximum, and no one triangle bounds it.
   Soup tube;

@@ -6,6 +6,7 @@
 
 #include "base/errors.h"
 #include "geometry/angles.h"
+#include "geometry/mesh_distance.h"
 #include "instrument/mesh_ruler.h"
 #include "instrument/pixel_error.h"
 #include "instrument/slack.h"
@@ -198,6 +199,39 @@ TEST_CASE("a source vertex that the closest node is no bound for counts for anot
   CHECK(errors(0.19).second == Approx(0.1));
   const render::Captured nothing{camera.eye, {}};
   CHECK(lay(ruler, camera, nothing)->node_errors().empty());
+}
+
+TEST_CASE("a node is held to the inside of source triangles, not to their vertices alone") {
+  const Arrays source{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}}};
+  const MeshRuler ruler(mesh_from(source));
+  const Camera camera = above({0.5, 0.5, 2.0});
+  // Drawn with a hole [0.6, 0.9] x [0.3, 0.7], all of it right of x = 0.5: nothing is off at a vertex of
+  // either.
+  Arrays left, right;
+  const auto cell = [](Arrays& to, double x0, double y0, double x1, double y1) {
+    const auto a = static_cast<uint32_t>(to.positions.size());
+    to.positions.insert(to.positions.end(), {{x0, y0, 0}, {x1, y0, 0}, {x1, y1, 0}, {x0, y1, 0}});
+    to.faces.insert(to.faces.end(), {{a, a + 1, a + 2}, {a, a + 2, a + 3}});
+  };
+  cell(left, 0.0, 0.0, 0.5, 1.0);
+  cell(right, 0.5, 0.0, 0.6, 1.0);
+  cell(right, 0.9, 0.0, 1.0, 1.0);
+  cell(right, 0.6, 0.0, 0.9, 0.3);
+  cell(right, 0.6, 0.7, 0.9, 1.0);
+  const render::Captured now = together(captured(left, camera.eye, 3), captured(right, camera.eye, 7));
+  Shown shown{camera, [&]() -> const render::Captured& { return now; }, {}, "test"};
+  const auto errors = [&](double bound_of_left) {
+    shown.bound = [=](uint32_t node) { return node == 3 ? bound_of_left : 0.0; };
+    const std::vector<NodeError> found = ruler.lay(shown)->node_errors();
+    REQUIRE(found.size() == 2);
+    return std::pair(found[0].max, found[1].max);
+  };
+  // Along x = 0.75 from y = 0.45 to 0.55 both sides of the hole are as far as can be.
+  CHECK(errors(0.0).first < 1e-6);
+  CHECK(errors(0.0).second == Approx(0.15).epsilon(kMaxTolerance));
+  // Held to what it does not claim, the right one leaves the hole to the left one, which does: to x = 0.9.
+  CHECK(errors(0.45).first == Approx(0.4).epsilon(kMaxTolerance));
+  CHECK(errors(0.45).second < 1e-6);
 }
 
 TEST_CASE("a triangle faces as the source does; of a sheet thinner than its bound nothing is said") {
