@@ -79,7 +79,7 @@ def fly(
         _core.choose_device(device)
     if images not in (None, "none") and out is None:
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
-    path = path or default_path(store.source_kind)
+    path = default_path(store.source_kind) if isinstance(path, str) and not path else path
     track = make_path(path, store.source if over_source(path) else None, frames, fov)
     flight = Flight(
         name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
@@ -229,7 +229,7 @@ def compare(
     Other parameters as `lodlab.fly` and `lodlab.sweep`.
     """
     field = as_source(source)
-    path = path or default_path(field.kind)
+    path = default_path(field.kind) if isinstance(path, str) and not path else path
     name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
     chosen = {k: _several(v) for k, v in budgets.items() if v is not None and _several(v)}
