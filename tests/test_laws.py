@@ -120,6 +120,15 @@ def test_the_slack_is_a_hundredth_of_a_pixel():
     assert verdicts(rows(measured_px_max=2.0106))["error"] == "broken"
 
 
+def test_claims_of_rounding_say_nothing_of_how_tight_bounds_are():
+    frames = rows(predicted_px=2e-12, measured_px_max=8e-5)  # frames 3 and 4
+    (found,) = (v for v in laws.judge(frames) if v.law == "error")
+    assert found.verdict == "holds" and "in the median it is 75 % of it" in found.sentence
+    frames["predicted_px"], frames["measured_px_max"] = 2e-12, 8e-5
+    (found,) = (v for v in laws.judge(frames) if v.law == "error")
+    assert found.verdict == "holds" and "median" not in found.sentence
+
+
 def test_a_claim_that_is_no_number_is_no_promise_kept():
     found = verdicts(rows(predicted_px=np.nan))
     assert found["error"] == found["pixel_error"] == "broken"

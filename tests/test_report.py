@@ -143,10 +143,10 @@ def test_report_of_fewer_columns(swept, tmp_path):
 
 def test_distances_are_in_the_units_of_the_source_and_what_is_undefined_in_every_run_is_left_out(swept):
     ground = report.summary_table(swept.summary)
-    assert "measured<br>m</th>" in ground and "to drawn" not in ground
-    meshes = swept.summary.assign(source_kind="mesh", measured_max_source_to_drawn_worst=1.0, psnr_db_worst=np.nan)
-    table = report.summary_table(meshes)
-    assert "measured<br>units</th>" in table and "to drawn<br>units</th>" in table and "PSNR" not in table
+    assert "measured<br>m</th>" in ground and " · " not in ground
+    ways = {"measured_max_source_to_drawn_worst": 1.5, "measured_max_drawn_to_source_worst": 2.5}
+    table = report.summary_table(swept.summary.assign(source_kind="mesh", psnr_db_worst=np.nan, **ways))
+    assert "measured<br>units</th>" in table and "1.50 · 2.50</small>" in table and "PSNR" not in table
 
 
 def test_tables_show_the_interval_of_the_median(swept):

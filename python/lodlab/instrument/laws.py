@@ -126,7 +126,8 @@ def _error(measured: Any) -> Found:
     if not len(rows):
         return OPEN, "No measured frame that sees the source promises a bound."
     bad = rows[~(rows["measured_px_max"] <= rows["predicted_px"] + rows["slack_px"])]  # a nan promises nothing
-    ratio = (rows["measured_px_max"] / rows["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
+    told = rows[rows["predicted_px"] > rows["slack_px"]]  # below it both are rounding
+    ratio = (told["measured_px_max"] / told["predicted_px"]).replace([np.inf, -np.inf], np.nan).dropna()
     tight = f"; in the median it is {100 * ratio.median():.0f} % of it" if len(ratio) else ""
     text = f"The measured error stays within the predicted one in all {len(rows)} frames that promise it{tight}"
     return _verdict(text, bad, lambda r: f"{number(r['measured_px_max'])} over {number(r['predicted_px'])} px")

@@ -51,11 +51,8 @@ COLUMNS = (
     ("measured_px_max_worst", "measured<br>px", "number"),
     ("measured_px_p99_worst", "px<br>p99", "number"),
     ("pop_px_max_worst", "pop<br>px", "number"),
-    ("measured_max_worst", "measured<br>$unit", "number"),
-    ("measured_max_source_to_drawn_worst", "to drawn<br>$unit", "number"),
-    ("measured_max_drawn_to_source_worst", "to source<br>$unit", "number"),
-    ("measured_rms_source_to_drawn_worst", "RMS to<br>drawn", "number"),
-    ("measured_rms_drawn_to_source_worst", "RMS to<br>source", "number"),
+    ("measured_max_worst", "measured<br>$unit", "ways"),
+    ("measured_rms_worst", "RMS<br>$unit", "ways"),
     ("psnr_db_worst", "PSNR<br>dB", "number"),
     ("ssim_worst", "SSIM", "number"),
     ("flip_worst", "FLIP", "number"),
@@ -96,10 +93,18 @@ def _cell(row: Any, column: str, kind: str) -> str:
     if kind == "megabytes":
         return number(value / 1e6)
     if kind == "interval":
-        low, high = (row.get(f"{column}_{end}", math.nan) for end in ("low", "high"))
-        known = math.isfinite(low) and math.isfinite(high)
-        return number(value) + (f'<br><small class="faint">{number(low)} – {number(high)}</small>' if known else "")
+        return number(value) + _small(" – ", (row.get(f"{column}_{end}", math.nan) for end in ("low", "high")))
+    if kind == "ways":
+        ends = (f"{column.removesuffix('_worst')}_{way}_worst" for way in ("source_to_drawn", "drawn_to_source"))
+        return number(value) + _small(" · ", (row.get(end, math.nan) for end in ends))
     return number(value)
+
+
+def _small(between: str, values: Iterable[float]) -> str:
+    """A second line of a cell; empty where one of the values is not known."""
+    known = list(values)
+    text = between.join(map(number, known))
+    return "" if any(map(math.isnan, known)) else f'<br><small class="faint">{text}</small>'
 
 
 def noise_text(noise: Any) -> str:
@@ -264,7 +269,7 @@ def write(directory: str | os.PathLike[str]) -> Path:
         ),
         lead=_LEAD,
         pareto=pareto,
-        table_note=_TABLE_NOTE + _jobs_note(folder),
+        table_note=_TABLE_NOTE + (_MESH_NOTE if (summary["source_kind"] == "mesh").any() else "") + _jobs_note(folder),
         noise=noise_text(result.noise),
         table=summary_table(summary, broken_by_run(verdicts)),
         laws="".join(f'<li class="{v.verdict}">{html.escape(v.sentence)}</li>' for v in verdicts),
@@ -324,6 +329,10 @@ _PARETO_CAPTION = (
     "(below the slack of 0.01 px)."
 )
 _TIMELINE_CAPTION = "The stronger the colour, the smaller the error budget. A point below its line: the promise holds."
+_MESH_NOTE = (
+    " Distances of meshes are in the units of their files; under the larger one stand both ways, from the source to "
+    "what is drawn · from what is drawn to the source."
+)
 _TABLE_NOTE = (
     "Times and counts are medians over the frames of a run, under the median time its 95 % interval (frames and "
     "timing passes drawn again); errors are the worst over its measured frames. "
