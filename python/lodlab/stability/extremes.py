@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,11 @@ import numpy as np
 from .. import _core
 from ..errors import Unsupported
 from ..runs.flight import budget_text
+from ..sources.base import Source
 from ..sources.heightfield import HeightField
+from ..sources.mesh import Mesh
 from ..stores.session import Cut, Session
-from . import fields
+from . import fields, meshes
 from .stage import Figure, Stage, Worst, chosen, look, refuses
 
 FAR = 6.4e6  # metres: as far as Earth's surface is from its centre
@@ -31,7 +33,7 @@ def large_coordinates(stage: Stage) -> Iterator[Figure]:
     chosen or morph otherwise, limit 0; share of pixels that differ by more than 2 of 255, limit 0.1 %; a vertex's
     motion on screen beyond its exact one, limit 0.5 px; pixels in which the lower plane is in front, limit 0.
     """
-    if stage.source.planet:
+    if stage.source.kind == "planet":
         yield _step(stage, stage.path.views(stage.size))
     else:
         yield from _translated(stage)
@@ -39,9 +41,9 @@ def large_coordinates(stage: Stage) -> Iterator[Figure]:
 
 
 def _translated(stage: Stage) -> Iterator[Figure]:
-    heights, spacing = stage.source.heights, (75.0, 92.0)
+    at = _placed(stage)
     shifts = [(FAR, 0.0), (-FAR, FAR)] if stage.short else [(1e4, 0), (1e5, -1e5), (1e6, 1e6), (FAR, 0), (-FAR, FAR)]
-    home = stage.other("origin", HeightField(heights, spacing=spacing))
+    home = stage.other("origin", at((0.0, 0.0)))
     cuts, pixels, moved = Worst(), Worst(), Worst()
     views = [_on_grid(v) for v in home.views(2 if stage.short else 4)]
     session = home.session()
@@ -49,7 +51,7 @@ def _translated(stage: Stage) -> Iterator[Figure]:
     here = [(session.select(view, budget)) for view, budget in kept]
     seen = [session.draw(cut, view).image for cut, view in zip(here, views, strict=True)]
     for shift in [(0.0, 0.0), *shifts]:
-        there = stage.other("translated", HeightField(heights, spacing=spacing, origin=shift))
+        there = stage.other("translated", at(shift))
         far = there.session()
         for (view, budget), cut, image in zip(kept, here, seen, strict=True):
             way = np.array([*shift, 0.0])
@@ -63,6 +65,14 @@ def _translated(stage: Stage) -> Iterator[Figure]:
     yield cuts.figure("nodes chosen otherwise far from the origin", "nodes", 0)
     yield pixels.figure("pixels that differ far from the origin", "%", 0.1)
     yield moved.figure("vertex motion beyond the exact one, 1 mm step", "px", 0.5)
+
+
+def _placed(stage: Stage) -> Callable[[tuple[float, float]], Source]:
+    """The stage's source, moved: exactly, by whole metres."""
+    if stage.on_mesh:
+        positions = np.round(stage.source.positions * 2.0**20) / 2.0**20
+        return lambda shift: Mesh(positions + [*shift, 0.0], stage.source.faces)
+    return lambda shift: HeightField(stage.source.heights, spacing=(75.0, 92.0), origin=shift)
 
 
 def _on_grid(view: _core.View) -> _core.View:
@@ -121,15 +131,22 @@ def _project(points: np.ndarray, view: _core.View) -> tuple[np.ndarray, np.ndarr
     return out, ahead & (np.abs(out[:, 0]) <= width / 2) & (np.abs(out[:, 1]) <= height / 2)
 
 
+def _plane(as_mesh: bool, height: float) -> Source:
+    """A level plane of 128 km far from the origin."""
+    if as_mesh:
+        return Mesh(*meshes.moved(meshes.plate(128), [FAR, FAR - 128_000.0, height], 128_000.0))
+    return HeightField(np.full((129, 129), height), spacing=1000.0, origin=(FAR, FAR))
+
+
 def _planes(stage: Stage) -> Figure:
     """Level planes (on planets: spheres) at 0 and 1 m from 100 km: the upper one must be nearer in every pixel."""
     wrong = Worst()
-    if stage.source.planet:
+    if stage.source.kind == "planet":
         made = [fields.sphere(height) for height in (1000.0, 1001.0)]
         up, along = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
         middle = up * (made[0].radius + 1000.0)
     else:
-        made = [HeightField(np.full((129, 129), h), spacing=1000.0, origin=(FAR, FAR)) for h in (1000.0, 1001.0)]
+        made = [_plane(stage.on_mesh, h) for h in (1000.0, 1001.0)]
         up, along = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.8, 0.0])
         middle = np.array([FAR + 64_000.0, FAR - 64_000.0, 1000.0])
     stages = [stage.other(f"plane {i}", source) for i, source in enumerate(made)]
@@ -196,14 +213,15 @@ def views_nobody_tried(stage: Stage) -> dict[str, _core.View]:
     low, high = stage.box
     middle = 0.5 * (low + high)
     span = float((high - low)[:2].max())
-    ground = np.array([middle[0], middle[1], stage.height(middle[0], middle[1])])
+    ground, up = stage.foot
+    little, deep, rise = (1e-6 * span, 0.01 * span, 0.1 * span) if stage.on_mesh else (1e-3, 30.0, 300.0)
     way = np.array([0.3, 0.9, -0.1])
     out = {f"fov {fov:g}": stage.over(fov=fov) for fov in (1.0, 5.0, 60.0, 120.0, 170.0)}
     out |= {f"{w} x {h} pixels": stage.over(size=(w, h)) for w, h in ((1, 1), (1, 64), (64, 1), (2, 3))}
     from_to = {
         "eye on the surface": (ground, ground + way * span),
-        "eye 1 mm above the surface": (ground + [0, 0, 1e-3], ground + way * span),
-        "eye below the surface": (ground - [0, 0, 30.0], ground + [span, 0.0, 300.0]),
+        "eye 1 mm above the surface": (ground + little * up, ground + way * span),
+        "eye below the surface": (ground - deep * up, ground + [span, 0.0, rise]),
         "eye far below, looking up": (middle - [0, 0, span], middle),
         "straight down": (middle + [0, 0, span], middle),
         "along the ground, at the border": (np.array([low[0], low[1], high[2]]), np.array([high[0], high[1], high[2]])),

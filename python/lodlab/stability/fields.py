@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The sources of the scenes: SOURCE texts, and fields made for one failure each, known by a name.
+"""The sources of the scenes: SOURCE texts, and sources made for one failure each, known by a name.
 
-Those that carry real heights cut them from `jacksboro`. A name with `planet` in it stands on a sphere.
+Those that carry real heights cut them from `jacksboro`. A name with `planet` in it stands on a sphere, one with `mesh`
+is a mesh (`meshes`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from .. import _core, sources
+from ..sources.base import Source
 from ..sources.heightfield import HeightField
+from . import meshes
 
 RAINIER = "mt_rainier_srtm3.tif"  # of the shared data, played where it is there
 SPACING = (30.0, 40.0)
@@ -134,17 +137,19 @@ MADE: dict[str, Callable[[], HeightField]] = {
     "cliff": _flat_field(lambda: cliff(300, 321)),
     "planet:2-degrees": lambda: sphere(relief=1.0),
 }
-REFUSED = ("voids:all", "size:1x1", "size:1x60", "size:60x1")  # no height fields, by HeightField's own rule
+REFUSED = ("voids:all", "size:1x1", "size:1x60", "size:60x1", *meshes.REFUSED)  # no sources, by their own rule
 
 
-def load(name: str) -> HeightField:
+def load(name: str) -> Source:
     """The source of this name; InvalidInput for those of `REFUSED`."""
+    if name in meshes.MADE:
+        return meshes.load(name)
     return MADE[name]() if name in MADE else sources.load(name)
 
 
 def kind(name: str) -> str:
-    """What a method must accept to be put on it: `heightfield` or `planet`."""
-    return "planet" if "planet" in name else "heightfield"
+    """What a method must accept to be put on it: `heightfield`, `planet` or `mesh`."""
+    return next((kind for kind in ("mesh", "planet") if kind in name), "heightfield")
 
 
 def at_hand(names: tuple[str, ...]) -> list[str]:

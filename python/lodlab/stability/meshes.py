@@ -96,6 +96,7 @@ MADE: dict[str, Callable[[], Arrays]] = {
     "mesh:one triangle": lambda: TRIANGLE,
     "mesh:tetrahedron": lambda: TETRAHEDRON,
     "mesh:fractal": lambda: _of(shapes.blob(33)),
+    "mesh:fine": lambda: _of(shapes.blob(193)),
     "mesh:three on one edge": lambda: joined(
         (
             np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, -1, 0]], float),

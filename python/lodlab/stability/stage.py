@@ -22,12 +22,13 @@ from ..errors import InvalidInput
 from ..instrument.metrics import pixel_slack
 from ..instrument.yardstick import Yardstick
 from ..paths.path import CameraPath
-from ..sources.heightfield import HeightField
+from ..sources.base import Source
+from ..sources.mesh import Mesh
 from ..stores.build import store_for
 from ..stores.methods import method_table, still
 from ..stores.session import Cut, Session
 from ..stores.store import Store
-from . import fields
+from . import fields, meshes
 from .tree import Tree
 
 SHORT_SIZE, LONG_SIZE = (320, 200), (640, 360)
@@ -86,15 +87,15 @@ class Scene:
 class Bench:
     """A source with its yardstick and its stores, shared by the methods that are put on it."""
 
-    def __init__(self, name: str, folder: Path, source: HeightField | None = None):
+    def __init__(self, name: str, folder: Path, source: Source | None = None):
         self.name = name
         self.folder = folder
         self._source = source
         self._stores: dict[str, Store] = {}
 
     @cached_property
-    def source(self) -> HeightField:
-        """The height field; InvalidInput when its array is none."""
+    def source(self) -> Source:
+        """The source; InvalidInput when its arrays are none."""
         return self._source if self._source is not None else fields.load(self.name)
 
     @cached_property
@@ -132,8 +133,17 @@ class Stage:
     # ---- what is at hand
 
     @property
-    def source(self) -> HeightField:
+    def source(self) -> Any:
         return self.bench.source
+
+    @property
+    def on_mesh(self) -> bool:
+        return isinstance(self.source, Mesh)
+
+    @property
+    def unit(self) -> str:
+        """Of lengths: a mesh has its own."""
+        return "units" if self.on_mesh else "m"
 
     @property
     def store(self) -> Store:
@@ -153,7 +163,7 @@ class Stage:
         """A fresh session; everything is loaded first, unless `options` say otherwise."""
         return self.store.session(**{**still(self.method, self.options), **options})
 
-    def other(self, name: str, source: HeightField) -> Stage:
+    def other(self, name: str, source: Source) -> Stage:
         """The same method on another source, one that the scene made."""
         return Stage(Bench(name, self.bench.folder, source), self.method, self.options, self.short)
 
@@ -202,28 +212,43 @@ class Stage:
 
     @cached_property
     def path(self) -> CameraPath:
-        return CameraPath.flyover(self.source, FLYOVER_FRAMES)
+        """The flyover; of a mesh the way close by."""
+        return CameraPath.named("flyby" if self.on_mesh else "flyover", self.source, FLYOVER_FRAMES)
 
     def views(self, count: int) -> list[_core.View]:
-        """Views evenly spaced along the flyover."""
+        """Views evenly spaced along the path."""
         return [self.path.view_at((i + 0.5) / count, self.size) for i in range(count)]
 
     def over(self, height: float = 0.4, fov: float = 60.0, size: tuple[int, int] | None = None) -> _core.View:
-        """An oblique view of the whole field from beyond its south-west corner."""
+        """An oblique view of the whole source from beyond its south-west corner."""
         low, high = self.box
         span = float((high - low)[:2].max())
         middle = 0.5 * (low + high)
+        if self.on_mesh:  # from beside it: a mesh may stand on end
+            eye = middle + self.source.extent * np.array([-0.7, -0.7, height + 0.1])
+            return look(eye, middle, fov=fov, size=size or self.size)
         eye = np.array([middle[0] - 0.7 * span, middle[1] - 0.7 * span, high[2] + height * span])
         return look(eye, middle, fov=fov, size=size or self.size)
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper corner of a flat field, (3,) each, metres."""
+        """Lower and upper corner of a mesh or a flat field, (3,) each, source units."""
+        if self.on_mesh:
+            return tuple(self.source.bounds)
         rows, cols = self.source.shape
         (dx, dy), (x0, y0) = self.source.spacing, self.source.origin
         heights = self.source.filled
         low = np.array([x0, y0 - (rows - 1) * dy, float(heights.min())])
         return low, np.array([x0 + (cols - 1) * dx, y0, float(heights.max())])
+
+    @cached_property
+    def foot(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) a place on the source and the way up there: in the middle of a field, a corner of a mesh."""
+        if self.on_mesh:
+            point, axes = meshes.About(self.source).place(0.5, 0.0)
+            return point, axes[2]
+        x, y, _ = 0.5 * (self.box[0] + self.box[1])
+        return np.array([x, y, self.height(x, y)]), np.array([0.0, 0.0, 1.0])
 
     def height(self, x: float, y: float, around: float = 0.0) -> float:
         """The height of the nearest sample; with `around`, the largest within so many metres."""
@@ -260,12 +285,14 @@ class Stage:
         bounds[cut.nodes["node"]] = cut.nodes["error"]
         return float(np.max(errors - bounds[nodes])) - self.bench.yardstick.instrument().slack(view)
 
-    @staticmethod
-    def flaws(found: Any, cut: Cut) -> float:
+    def flaws(self, found: Any, cut: Cut) -> float:
         """What no drawn cut may have, counted: uncovered samples, cracks (pixels where the method draws fillers, edges
         where it does not), inverted surface, fillers that could pass for it, pixels and triangles drawn otherwise than
-        captured and counted."""
-        columns = ["hole_samples", *FLAWS, "crack_pixels" if cut.filler_triangles else "crack_edges"]
+        captured and counted. No edges where triangles of a mesh lie on others, and an approximation may have the rim of
+        the second sheet anywhere."""
+        columns = ["hole_samples", *FLAWS]
+        if not (meshes.doubled(self.source) and cut.nodes["error"].max() > 2.0 * self.store.info()["quantum"]):
+            columns.append("crack_pixels" if cut.filler_triangles else "crack_edges")
         count = sum(zero_if_unseen(float(getattr(found, column))) for column in columns)
         return count + zero_if_unseen(abs(found.drawn_triangles - cut.triangles))
 

@@ -10,8 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from .. import _core, instrument
+from ..errors import Unsupported
+from ..stores.session import Session
 from . import fields
-from .stage import Figure, NotApplicable, Stage, Worst, look, refuses
+from .stage import Figure, NotApplicable, Stage, Worst, look, refuses, zero_if_unseen
 from .tree import Goal
 
 #: Bounds and errors are sums of floats and doubles: two that are equal on paper may differ by this much.
@@ -34,7 +36,8 @@ def errors_nest(stage: Stage) -> Iterator[Figure]:
     wrong = Worst()
     found, draw = 0, None
     for eye in node_eyes(stage, random, 10_000 if stage.short else 100_000):
-        view = look(eye, eye + random.normal(size=3) * 100.0, fov=70.0, size=stage.size)
+        away = random.normal(size=3) * (stage.source.extent if stage.on_mesh else 100.0)
+        view = look(eye, eye + away, fov=70.0, size=stage.size)
         cuts = [session.select(view, budget) for budget in budgets]
         claims = [cut.predicted_px for cut in cuts]
         nest = all(math.isfinite(claim) for claim in claims)
@@ -128,7 +131,7 @@ def cracks_and_bounds(stage: Stage, cases: list[tuple[np.ndarray, list[np.ndarra
             cracks.see(found + row.hole_samples, stage.picture(session, cut, view, "level"))
         beyond.see(stage.excess(session, cut, view), stage.picture(session, cut, view, "level"))
     yield cracks.figure("crack pixels" if fillers else "crack edges", "pixels" if fillers else "edges", 0)
-    yield beyond.figure("error beyond bound and slack", "m", 0)
+    yield beyond.figure("error beyond bound and slack", stage.unit, 0)
 
 
 def _near(stage: Stage, point: np.ndarray, way: np.ndarray) -> _core.View:
@@ -158,7 +161,7 @@ def bounds_hold(stage: Stage) -> Iterator[Figure]:
     """
     session = stage.session()
     views = stage.views(3 if stage.short else 12)
-    if not stage.source.planet:
+    if stage.source.kind != "planet":
         views += [stage.over(), stage.over(height=0.03, fov=100.0)]
     screen = Worst()
     for view in views:
@@ -166,11 +169,11 @@ def bounds_hold(stage: Stage) -> Iterator[Figure]:
             cut = session.select(view, stage.pixel_error(pixels))
             row = stage.examine(session, cut, view, pictures=False)
             over = row.measured_px_max - cut.predicted_px - stage.pixel_slack(view)
-            screen.see(math.inf if row.hole_samples else over, stage.picture(session, cut, view))
+            screen.see(math.inf if row.hole_samples > 0 else zero_if_unseen(over), stage.picture(session, cut, view))
     audited = instrument.audit(stage.store, cuts=4 if stage.short else 40, progress=False, **stage.options)
     over = [(table["measured"] - table["bound"]).max() for table in (audited.nodes, audited.cuts)]
     yield screen.figure("measured beyond predicted and slack", "px", 0)
-    yield Figure("error of a node beyond bound and slack", float(max(over)) - audited.slack, "m", 0)
+    yield Figure("error of a node beyond bound and slack", float(max(over)) - audited.slack, stage.unit, 0)
 
 
 # ---- voids and sizes ------------------------------------------------------------------------------
@@ -220,9 +223,9 @@ def _stray(drawn: np.ndarray, wanted: np.ndarray, reach: int) -> int:
 
 
 def _refused(stage: Stage) -> Figure:
-    """What is no height field, by HeightField's own rule, is refused with a typed error."""
+    """What is no source, by its own rule, is refused with a typed error."""
     accepted = not refuses(lambda: stage.source)
-    return Figure("accepted, though no height field", int(accepted), "fields", 0)
+    return Figure("accepted, though no source", int(accepted), "sources", 0)
 
 
 def sizes(stage: Stage) -> Iterator[Figure]:
@@ -234,7 +237,29 @@ def sizes(stage: Stage) -> Iterator[Figure]:
     if stage.bench.name in fields.REFUSED:
         yield _refused(stage)
         return
-    session, view = stage.session(), stage.over()
+    yield from _at_any_error(stage, stage.session())
+
+
+def any_mesh(stage: Stage) -> Iterator[Figure]:
+    """Failure: meshes that are open, of several components, of genus above 0, not manifold, with inverted, duplicate or
+    flat triangles, unused vertices; slivers, one triangle, none; far from the origin.
+    Test: as for sizes. A method that needs another kind of mesh refuses it, and its reason counts what is wrong.
+    Figures: as for sizes; refusals that count nothing, limit 0. No triangles are no mesh: refused.
+    """
+    if stage.bench.name in fields.REFUSED:
+        yield _refused(stage)
+        return
+    try:
+        session = stage.session()
+    except Unsupported as refusal:
+        counts = any(c.isdigit() for c in str(refusal))
+        yield Figure(f"refused: {refusal}", 0 if counts else 1, "refusals", 0)
+        return
+    yield from _at_any_error(stage, session)
+
+
+def _at_any_error(stage: Stage, session: Session) -> Iterator[Figure]:
+    view = stage.over()
     beyond, torn = Worst(), Worst()
     quantum = float(stage.store.info()["quantum"])
     for pixels in (1e-6, 1.0, 1e9):
@@ -246,5 +271,5 @@ def sizes(stage: Stage) -> Iterator[Figure]:
         if pixels < 1e-3 and stage.table["reproduces_source"]:
             exact = stage.examine(session, stage.tree.finest(session), view, pictures=False).measured_max
             beyond.see(exact - quantum - stage.bench.yardstick.instrument().slack(view), draw)
-    yield beyond.figure("error beyond bound and slack", "m", 0)
+    yield beyond.figure("error beyond bound and slack", stage.unit, 0)
     yield torn.figure("holes, cracks and other flaws", "flaws", 0)

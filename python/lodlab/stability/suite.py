@@ -164,7 +164,8 @@ def _parts(scenes: Sequence[str], names: Sequence[str], short: bool) -> Iterator
 def _sources(scene: Scene, method: str, short: bool) -> list[str]:
     """The sources of a scene that are there and that the method accepts."""
     accepts = method_table(method)["accepts"]
-    return [name for name in fields.at_hand(scene.short if short else scene.long) if fields.kind(name) in accepts]
+    at_hand = fields.at_hand(scene.short if short else scene.long)
+    return [name for name in at_hand if name == fields.ANY or fields.kind(name) in accepts]
 
 
 def _no_source(scene: Scene, method: str) -> dict[str, Any]:
