@@ -342,6 +342,27 @@ def test_sizes_without_samples_are_refused_and_nothing_else(tmp_path: Path) -> N
             fields.load(name)
 
 
+def test_a_mesh_may_be_refused_with_counts_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def told(reason: str) -> float:
+        def refuses(*_args: object) -> None:
+            raise Unsupported(reason)
+
+        monkeypatch.setattr(Stage, "session", refuses)
+        return worst(structure.any_mesh(Stage(Bench("mesh:open", tmp_path), "full", {}, True)))
+
+    assert told("build: 48 boundary edges; the method needs a closed mesh") == 0
+    assert told("build: the method needs a closed mesh") == 1
+
+
+def test_meshes_see_an_error_beyond_its_bound_and_a_crack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_mesh = Stage(Bench("mesh:genus 1", tmp_path), "full", {}, True)
+    assert worst(structure.any_mesh(on_mesh)) <= 0
+    for column, value in (("excess", 1.0), ("flaws", 3.0)):
+        with monkeypatch.context() as patch:
+            patch.setattr(Stage, column, lambda *_args, v=value: v)
+            assert worst(structure.any_mesh(on_mesh)) == value
+
+
 def test_large_coordinates_see_vertices_that_tremble(stage: Stage) -> None:
     class Trembling:
         """A session whose vertices move by metres where the eye moves by a millimetre."""
