@@ -16,7 +16,7 @@ from .disk import short_hash, temporary_folder
 from .errors import InvalidInput
 from .instrument.laws import tell_broken
 from .instrument.yardstick import Yardstick, look_of
-from .paths.path import CameraPath, default_path, make_path, over_source, path_text
+from .paths.path import CameraPath, make_path, named_or_default, over_source, path_text
 from .report.page import write
 from .runs import tables
 from .runs.configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, enter, freeze, plan
@@ -79,7 +79,7 @@ def fly(
         _core.choose_device(device)
     if images not in (None, "none") and out is None:
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
-    path = default_path(store.source_kind) if isinstance(path, str) and not path else path
+    path = named_or_default(path, store.source_kind)
     track = make_path(path, store.source if over_source(path) else None, frames, fov)
     flight = Flight(
         name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
@@ -229,7 +229,7 @@ def compare(
     Other parameters as `lodlab.fly` and `lodlab.sweep`.
     """
     field = as_source(source)
-    path = default_path(field.kind) if isinstance(path, str) and not path else path
+    path = named_or_default(path, field.kind)
     name = field.spec or f"array:{field.hash()[:8]}"
     budgets = {"pixel_errors": pixel_errors, "triangles": triangles, "nodes": nodes}
     chosen = {k: _several(v) for k, v in budgets.items() if v is not None and _several(v)}

@@ -209,6 +209,11 @@ def default_path(kind: str) -> str:
     return "orbit" if kind == "mesh" else "flyover"
 
 
+def named_or_default(path: Any, kind: str) -> Any:
+    """A path as it was given; where that is the empty text, the name of the default one."""
+    return default_path(kind) if isinstance(path, str) and not path else path
+
+
 def make_path(path: Any, source: Source | None, frames: int, fov: float | None) -> CameraPath:
     """A CameraPath from itself, a built-in name, or a key-frame file (.toml, .json)."""
     return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)

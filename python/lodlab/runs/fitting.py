@@ -28,7 +28,7 @@ import numpy as np
 from .. import _core
 from ..disk import temporary_folder
 from ..errors import InvalidInput
-from ..paths.path import CameraPath, default_path, make_path
+from ..paths.path import CameraPath, make_path, named_or_default
 from ..sources.base import Source
 from ..sources.datasets import as_source
 from ..stores.build import store_for
@@ -115,7 +115,7 @@ def search(
     target = _target(store_path, force)
     source = as_source(source)
     check_accepts(source, method)
-    track = make_path(path or default_path(source.kind), source, frames, fov)
+    track = make_path(named_or_default(path, source.kind), source, frames, fov)
     search = _Search(source, method, build_options, draw_options, limit, track, size, fov, progress)
     with search.bar:
         return search.run(target)
