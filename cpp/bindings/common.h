@@ -87,6 +87,7 @@ void bind_field(pybind11::module_& m);
 void bind_mesh(pybind11::module_& m);
 void bind_store(pybind11::module_& m);
 void bind_session(pybind11::module_& m);
+void bind_comparison(pybind11::module_& m);
 void bind_instrument(pybind11::module_& m);
 void bind_devices(pybind11::module_& m);
 void bind_bench(pybind11::module_& m);

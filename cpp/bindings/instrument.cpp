@@ -17,9 +17,7 @@
 #include "instrument/captured.h"
 #include "instrument/field_ruler.h"
 #include "instrument/mesh_ruler.h"
-#include "instrument/picture_difference.h"
 #include "instrument/slack.h"
-#include "instrument/ssim.h"
 
 namespace py = pybind11;
 
@@ -185,33 +183,6 @@ class PyInstrument {
   std::shared_ptr<const render::Surface> resources_;
 };
 
-/// The middle (height, width, 4) of a picture, read-only; keeps its owner alive.
-py::object picture_of(const py::object& owner, const render::Picture& picture, int width, int height) {
-  const py::ssize_t row = 4 * static_cast<py::ssize_t>(picture.width);
-  const py::ssize_t first = (picture.height - height) / 2 * row + (picture.width - width) / 2 * 4;
-  py::array_t<uint8_t> out(std::vector<py::ssize_t>{height, width, 4}, std::vector<py::ssize_t>{row, 4, 1},
-                           picture.rgba.data() + first, owner);
-  make_read_only(out);
-  return out;
-}
-
-py::object image(const py::object& self) {
-  const render::Picture& shade = self.cast<const Reference&>().shade;
-  return picture_of(self, shade, shade.width, shade.height);
-}
-
-py::object classes(const py::object& self) {
-  const auto& reference = self.cast<const Reference&>();
-  return picture_of(self, reference.classes, reference.shade.width, reference.shade.height);
-}
-
-py::object depth(const py::object& self) {
-  const render::Picture& shade = self.cast<const Reference&>().shade;
-  py::array_t<float> out(std::vector<py::ssize_t>{shade.height, shade.width}, shade.depth.data(), self);
-  make_read_only(out);
-  return out;
-}
-
 py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
   std::vector<uint32_t> nodes;
   std::vector<double> largest;
@@ -221,23 +192,6 @@ py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
   }
   const py::ssize_t count = static_cast<py::ssize_t>(errors.size());
   return py::make_tuple(array_of(std::move(nodes), {count}), array_of(std::move(largest), {count}));
-}
-
-void bind_reference(py::module_& m) {
-  py::class_<Reference, std::shared_ptr<Reference>>(m, "Reference",
-                                                    "The source at full resolution in one view.")
-      .def_property_readonly("image", &image, "(H, W, 4) uint8, row 0 on top, read-only.")
-      .def_property_readonly(
-          "classes", &classes,
-          "(H, W, 4) uint8; red 0: nothing, 255: the surface's outside, 128: its inside. Read-only.")
-      .def_property_readonly(
-          "depth", &depth,
-          "(H, W) float32, distance along the view axis in source units, inf where empty, read-only.")
-      .def_property_readonly("nbytes", &Reference::bytes, "Bytes that it takes once it was compared with.")
-      .def("__repr__", [](const Reference& r) {
-        return "Reference(" + std::to_string(r.shade.width) + " x " + std::to_string(r.shade.height) +
-               " pixels)";
-      });
 }
 
 /// A figure of a measurement, computed without the GIL.
@@ -340,50 +294,11 @@ void bind_measurement(py::module_& m) {
           "they cover; (N,) uint32 and (N,) float64, source units.");
 }
 
-using Colours = py::array_t<uint8_t, py::array::c_style>;
-
-render::Picture picture_from(const char* operation, const Colours& colours) {
-  if (colours.ndim() != 3 || colours.shape(2) != 4 || colours.size() == 0)
-    throw InvalidInput(std::string(operation) + ": a picture is (H, W, 4) uint8, and not empty");
-  render::Picture out;
-  out.height = static_cast<int>(colours.shape(0));
-  out.width = static_cast<int>(colours.shape(1));
-  out.rgba.assign(colours.data(), colours.data() + colours.size());
-  return out;
-}
-
-/// A comparison of two arrays, computed without the GIL.
-template <class Compare>
-auto comparison(const char* operation, const Compare& compare) {
-  return [operation, compare](const Colours& image, const Colours& reference) {
-    const render::Picture a = picture_from(operation, image), b = picture_from(operation, reference);
-    const py::gil_scoped_release release;
-    return compare(a, b);
-  };
-}
-
-void bind_comparisons(py::module_& m) {
-  m.def("ssim", comparison("ssim", &instrument::ssim), py::arg("image"), py::arg("reference"),
-        "Structural similarity (Wang et al. 2004) of two (H, W, 4) uint8 pictures: the mean over red, green "
-        "and "
-        "blue, 1 when equal; nan below 11 pixels a side. InvalidInput when the sizes differ.");
-  const auto flip = [](const render::Picture& a, const render::Picture& b) {
-    instrument::check_same_size("flip", a, b);
-    return instrument::flip(instrument::seen(a), instrument::seen(b));
-  };
-  m.def("flip", comparison("flip", flip), py::arg("image"), py::arg("reference"),
-        "Mean FLIP error (Andersson et al. 2020, LDR, 67 pixels a degree) of two (H, W, 4) uint8 pictures: 0 "
-        "when "
-        "equal, at most 1. InvalidInput when the sizes differ.");
-}
-
 }  // namespace
 
 void bind_instrument(py::module_& m) {
   const auto view = py::arg("view");
-  bind_reference(m);
   bind_measurement(m);
-  bind_comparisons(m);
   m.attr("SLACK_STEPS") = instrument::kSlackSteps;
   m.attr("SLACK_PIXELS") = instrument::kSlackPixels;
   m.def("world_slack", &instrument::world_slack, py::arg("distance"),

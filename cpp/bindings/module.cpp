@@ -80,6 +80,7 @@ PYBIND11_MODULE(_core, m) {
   lodlab::bind_mesh(m);
   lodlab::bind_store(m);
   lodlab::bind_session(m);
+  lodlab::bind_comparison(m);
   lodlab::bind_instrument(m);
   lodlab::bind_devices(m);
   lodlab::bind_bench(m);
