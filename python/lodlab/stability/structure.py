@@ -90,6 +90,8 @@ def neighbours(stage: Stage) -> Iterator[Figure]:
         if not stage.short or tuple(way) not in ways:
             spots.append((point, way))
         ways.add(tuple(way))
+    if not spots:
+        raise NotApplicable("every level of the hierarchy is one node, which has no neighbours")
     inset = 1e-3 * tree.leaf_side()
     cases = [(point, way, [(point + inset * way, tree.depth)]) for point, way in spots[:24]]
     yield from cracks_and_bounds(stage, [(point, [way, -way], goals) for point, way, goals in cases])
@@ -113,6 +115,8 @@ def corners(stage: Stage) -> Iterator[Figure]:
         for turn in range(2 if stage.short else 4):
             goals = [(point + inset * sides[i], levels[(i + turn) % 4]) for i in range(4)]
             cases.append((point, [sides[0], sides[3]], goals))
+    if not cases:
+        raise NotApplicable("no corner of the hierarchy is one where three levels meet")
     yield from cracks_and_bounds(stage, cases)
 
 

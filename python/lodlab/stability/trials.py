@@ -188,6 +188,9 @@ def _value(option: Mapping[str, Any], random: np.random.Generator) -> Any:
         return str(_pick(random, option["choices"]))
     if option["type"] == "string":  # free text: some of it is a number, some a file that is not there
         return _pick(random, (option["default"], option["default"], "1", "50", "1e-9", "0", "no such thing"))
+    if option["type"] == "meshes":  # balls beside whatever the source is
+        balls = ("icosphere:level=1", "icosphere:level=3;icosphere:level=0", "torus:rings=9,sides=5;blob:size=5")
+        return _pick(random, (option["default"], option["default"], *balls, "no such thing"))
     low, high = (end if value is None else value for value, end in zip(option["range"], (-1e4, 1e4), strict=True))
     if option["type"] == "int":
         powers = [2**i for i in range(31) if low <= 2**i <= high]
