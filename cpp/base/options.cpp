@@ -121,6 +121,7 @@ const T& get(const std::map<std::string, OptionValue>& values, const std::string
 
 std::string OptionSpec::type() const {
   static const char* const kNames[] = {"bool", "int", "float", "string"};
+  if (meshes) return "meshes";
   return choices.empty() ? kNames[default_value.index()] : "choice";
 }
 
@@ -128,6 +129,13 @@ bool Options::flag(const std::string& name) const { return get<bool>(values_, na
 int64_t Options::integer(const std::string& name) const { return get<int64_t>(values_, name); }
 double Options::real(const std::string& name) const { return get<double>(values_, name); }
 const std::string& Options::text(const std::string& name) const { return get<std::string>(values_, name); }
+
+const Meshes& Options::meshes(const std::string& name) const {
+  const auto found = brought.find(name);
+  if (found == brought.end() || found->second.empty())
+    throw InvalidInput("options: the meshes that option " + name + " names have not come with it");
+  return found->second;
+}
 
 std::string Options::to_json() const {
   std::string out = "{";

@@ -6,14 +6,19 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
 
 namespace lodlab {
 
+struct Mesh;
+
 enum class Stage { kBuild, kDraw };
 
+/// Meshes that a user brings by an option.
+using Meshes = std::vector<std::shared_ptr<const Mesh>>;
 using OptionValue = std::variant<bool, int64_t, double, std::string>;
 
 struct OptionSpec {
@@ -25,8 +30,9 @@ struct OptionSpec {
   std::vector<std::string> choices;  ///< for strings that are one of a few; empty: free text
   double minimum = -std::numeric_limits<double>::infinity();
   double maximum = std::numeric_limits<double>::infinity();
+  bool meshes = false;  ///< of a string that is not the default: it names meshes, which come beside it
 
-  /// "bool", "int", "float", "choice" or "string".
+  /// "bool", "int", "float", "choice", "meshes" or "string".
   std::string type() const;
 };
 
@@ -38,6 +44,10 @@ class Options {
   double real(const std::string& name) const;
   const std::string& text(const std::string& name) const;
   const std::map<std::string, OptionValue>& values() const { return values_; }
+  /// The meshes that an option names; InvalidInput where they have not come with it.
+  const Meshes& meshes(const std::string& name) const;
+  /// Those that have come, by option.
+  std::map<std::string, Meshes> brought;
 
   /// Compact JSON, keys sorted; floats in the shortest form that reads back the same.
   std::string to_json() const;

@@ -215,7 +215,8 @@ class Building {
 
 std::shared_ptr<PyStore> build(std::shared_ptr<Source> source, const std::string& method_name,
                                const std::filesystem::path& path, const py::dict& options,
-                               const std::string& mode, const std::optional<py::function>& progress) {
+                               const std::string& mode, const std::optional<py::function>& progress,
+                               std::map<std::string, Meshes> meshes) {
   given("build: source", source);
   const Method& method = find_method(method_name);
   const auto values = options_from_dict(method.info().name, options);
@@ -227,7 +228,7 @@ std::shared_ptr<PyStore> build(std::shared_ptr<Source> source, const std::string
   };
   const py::gil_scoped_release release;
   Building building([&](const Progress& report) {
-    return with_method(build_store(*source, method, values, path.string(), build_mode, report));
+    return with_method(build_store(*source, method, values, path.string(), build_mode, report, meshes));
   });
   return building.wait(tick);
 }
@@ -362,11 +363,11 @@ void bind_store(py::module_& m) {
         "value.");
   m.def(
       "build", &build, py::arg("source"), py::arg("method"), py::arg("path"), py::arg("options") = py::dict(),
-      py::arg("mode") = "new", py::arg("progress") = py::none(),
+      py::arg("mode") = "new", py::arg("progress") = py::none(), py::arg("meshes") = py::dict(),
       "Builds a store. `mode`: 'new', 'force' or 'resume'. `progress(stage, share)` is called at most 20 "
       "times "
       "a second on the calling thread; what it raises stops the build, as Ctrl-C does, and leaves a partial "
-      "file that can be resumed.");
+      "file that can be resumed. `meshes`: lists of those that options name, by option.");
   m.def("open", &open_store, py::arg("path"), "Opens a store; StoreError says what is wrong with the file.");
 }
 

@@ -427,9 +427,9 @@ SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Close
 }
 
 double largest_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
-                        const MeshSurface& to, double extent, int64_t most_pieces) {
+                        const MeshSurface& to, double extent, int64_t most_pieces, double at_least) {
   const Shares none;
-  Measurer measurer(to, none, {farthest(at_vertices)}, kLeastShare * extent);
+  Measurer measurer(to, none, {std::max(farthest(at_vertices), at_least)}, kLeastShare * extent);
   return settle(measurer, from, at_vertices, most_pieces)[0];
 }
 

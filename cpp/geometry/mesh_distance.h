@@ -34,9 +34,9 @@ std::vector<Closest> closest_to_vertices(const WeldedMesh& from, const MeshSurfa
 SurfaceDistance surface_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
                                  const MeshSurface& to, double extent, int64_t most_pieces);
 
-/// Its maximum alone, in a fraction of the time.
+/// Its maximum alone, in a fraction of the time; or `at_least`, where that is larger.
 double largest_distance(const WeldedMesh& from, const std::vector<Closest>& at_vertices,
-                        const MeshSurface& to, double extent, int64_t most_pieces);
+                        const MeshSurface& to, double extent, int64_t most_pieces, double at_least = 0.0);
 
 /// Who is held to a point of a surface, where the other one is drawn in shares that meet and overlap: the
 /// share that is closest, or, where it does not reach the point, the closest of those that do.

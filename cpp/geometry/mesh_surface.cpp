@@ -17,10 +17,6 @@ namespace {
 /// share of all sizes that take part is many times what their roundings can come to.
 constexpr double kFloatSlack = 0x1p-20;
 
-/// Flatter than this (sine of the angle at the first corner), a triangle's normal is mostly rounding. Its
-/// inside is then left out: it is closer than its edges by less than this share of its size.
-constexpr double kFlattest = 1e-8;
-
 /// Closest point of the segment from a to b, exactly b at its end.
 glm::dvec3 closest_on_segment(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& point) {
   const glm::dvec3 ab = b - a;

@@ -43,6 +43,10 @@ struct Closest {
   uint32_t triangle = kNoTriangle;
 };
 
+/// Flatter than this (sine of the angle at the first corner), a triangle's normal is mostly rounding. Its
+/// inside is then left out: it is closer than its edges by less than this share of its size.
+inline constexpr double kFlattest = 1e-8;
+
 /// The closest point of one triangle, which may be a segment or a point. Exactly 0 at its corners.
 Closest closest_on_triangle(const Triangle& triangle, const glm::dvec3& point);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 
+#include "geometry/scan_triangle.h"
 #include "instrument/drawn_surface.h"
 
 namespace lodlab::instrument {
@@ -30,14 +31,12 @@ class SurfaceWriter {
     if (field_.valid == nullptr || field_.valid[sample] != 0) worst_ = std::max(worst_, std::abs(deviation));
   }
 
-  static constexpr int kMostInRow = 32;
-
-  /// put() of neighbours in a row of a flat field, at most kMostInRow, at one height each.
+  /// put() of neighbours in a row of a flat field, at most kMostInScan, at one height each.
   void put_row(int64_t row, int64_t col, const double* heights, int count) {
     const size_t first = static_cast<size_t>(row * field_.cols + col);
     const float* const source = field_.heights + first;
-    uint32_t keys[kMostInRow];
-    float size[kMostInRow], worst = worst_;
+    uint32_t keys[kMostInScan];
+    float size[kMostInScan], worst = worst_;
     for (int i = 0; i < count; ++i) {
       const float deviation = static_cast<float>(heights[i] - double{source[i]});
       keys[i] = DrawnSurface::encode(deviation);
@@ -88,12 +87,7 @@ class FlatRasterizer {
   void draw(TriangleVertices vertices, SurfaceWriter& out) const;
 
  private:
-  struct Corner {
-    double col, row, z;
-    double slack;  ///< cells; 0: the corner is at a sample
-  };
-  Corner corner(const render::CapturedVertex& vertex) const;
-  void fill(const Corner (&corners)[3], SurfaceWriter& out) const;
+  GridCorner corner(const render::CapturedVertex& vertex) const;
 
   const FieldFrame& frame_;
   glm::dvec3 eye_;

@@ -41,10 +41,12 @@ void check_accepts(const MethodInfo& info, const Source& source) {
 
 std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
                                          const std::map<std::string, OptionValue>& options,
-                                         const std::string& path, BuildMode mode, const Progress& progress) {
+                                         const std::string& path, BuildMode mode, const Progress& progress,
+                                         std::map<std::string, Meshes> brought) {
   const MethodInfo& info = method.info();
   check_accepts(info, source);
-  const Options resolved = resolve_options(info.name, info.options, Stage::kBuild, options);
+  Options resolved = resolve_options(info.name, info.options, Stage::kBuild, options);
+  resolved.brought = std::move(brought);
   const StoreMeta meta{info.name, resolved.to_json(), source.hash(), source.spec, source.frame()};
   {
     StoreWriter writer(path, meta, mode);

@@ -3,52 +3,113 @@
 
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "base/errors.h"
 #include "gl/error.h"
+#include "method/indirect.h"
+#include "render/surface.h"
 
 namespace lodlab {
+namespace {
 
-MeshMemory::MeshMemory(const StoredMesh& mesh) : vertices_(mesh.vertices()), triangles_(mesh.triangles()) {
-  if (triangles_ > std::numeric_limits<GLsizei>::max() / 3) {
-    throw Unsupported("draw: " + std::to_string(triangles_) + " triangles are more than one draw call takes");
+bool has_low(const std::vector<StoredMesh>& meshes) {
+  return std::any_of(meshes.begin(), meshes.end(), [](const StoredMesh& m) { return !m.low.empty(); });
+}
+
+/// An array of all meshes, one after the other; zeros where one has none.
+template <class T>
+std::vector<T> joined(const std::vector<StoredMesh>& meshes, std::vector<T> StoredMesh::*array) {
+  std::vector<T> out;
+  for (const StoredMesh& mesh : meshes) {
+    const std::vector<T>& part = mesh.*array;
+    out.insert(out.end(), part.begin(), part.end());
+    if (part.empty()) out.resize(out.size() + mesh.high.size(), T(0));
+  }
+  return out;
+}
+
+}  // namespace
+
+MeshMemory::MeshMemory(const std::vector<StoredMesh>& meshes)
+    : program_({{"vertex", "common/mesh.vert"}},
+               has_low(meshes) ? std::vector<std::string>{"MESH_LOW"} : std::vector<std::string>{}) {
+  int64_t vertices = 0, indices = 0;
+  for (const StoredMesh& mesh : meshes) {
+    places_.push_back(
+        {static_cast<uint32_t>(indices), static_cast<int32_t>(vertices), mesh.vertices(), mesh.triangles()});
+    vertices += mesh.vertices();
+    indices += 3 * mesh.triangles();
+    if (vertices > std::numeric_limits<int32_t>::max() || indices > std::numeric_limits<uint32_t>::max() ||
+        3 * mesh.triangles() > std::numeric_limits<int32_t>::max()) {
+      throw Unsupported("draw: " + std::to_string(vertices) + " vertices and " + std::to_string(indices) +
+                        " indices are more than one buffer's 32-bit numbers tell apart");
+    }
   }
   const auto input = [this](unsigned location, gl::Buffer& buffer, const auto& values, int count,
                             unsigned type) {
-    if (values.empty()) return;
     buffer = gl::Buffer(values);
     array_.floats(location, location, count, type, 0);
     array_.source(location, buffer, 0, static_cast<int>(sizeof(values[0])));
   };
-  input(0, high_, mesh.high, 3, GL_FLOAT);
-  input(1, low_, mesh.low, 3, GL_FLOAT);
-  input(2, colors_, mesh.colors, 4, GL_UNSIGNED_BYTE);
-  indices_ = gl::Buffer(mesh.indices);
+  input(0, high_, joined(meshes, &StoredMesh::high), 3, GL_FLOAT);
+  if (has_low(meshes)) input(1, low_, joined(meshes, &StoredMesh::low), 3, GL_FLOAT);
+  if (std::none_of(meshes.begin(), meshes.end(), [](const StoredMesh& m) { return m.colors.empty(); }))
+    input(2, colors_, joined(meshes, &StoredMesh::colors), 4, GL_UNSIGNED_BYTE);
+  std::vector<uint32_t> all;
+  all.reserve(static_cast<size_t>(indices));
+  for (const StoredMesh& mesh : meshes) all.insert(all.end(), mesh.indices.begin(), mesh.indices.end());
+  indices_ = gl::Buffer(all);
   array_.indices(indices_);
-  bytes_ = high_.bytes() + low_.bytes() + colors_.bytes() + indices_.bytes();
+  array_.integers(3, 3, 2, GL_UNSIGNED_INT, 0);
+  glVertexArrayBindingDivisor(array_.id(), 3, 1);
+  gl::check("glVertexArrayBindingDivisor");
 }
 
-void MeshMemory::draw(MeshProgram& program, const render::Surface& surface, render::Pass& pass, uint32_t node,
-                      uint32_t level) {
-  int64_t drawn = 0;
-  while (drawn < triangles_) {
-    const int64_t count = std::min(triangles_ - drawn, pass.batch_triangles());
-    const unsigned name =
-        pass.use(program.of(static_cast<bool>(low_)), surface, {static_cast<bool>(colors_), false});
-    glProgramUniform2ui(name, glGetUniformLocation(name, "u_tag"), node, level);
-    array_.bind();
-    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(3 * count), GL_UNSIGNED_INT,
-                   reinterpret_cast<const void*>(3 * sizeof(uint32_t) * static_cast<size_t>(drawn)));
-    gl::check("glDrawElements");
-    pass.submitted.draw_calls += 1;
-    drawn += count;
-  }
-  pass.submitted.triangles += triangles_;
-  pass.submitted.vertices += vertices_;
-  pass.submitted.nodes += 1;
-  if (uploaded_now_) pass.submitted.upload_bytes += bytes_;
+int64_t MeshMemory::bytes() const {
+  return high_.bytes() + low_.bytes() + colors_.bytes() + indices_.bytes() + tags_.bytes() +
+         commands_.bytes();
+}
+
+void MeshMemory::draw(std::span<const Item> items, const render::Surface& surface, render::Pass& pass) {
+  if (uploaded_now_) pass.submitted.upload_bytes += bytes();
   uploaded_now_ = false;
+  const int64_t batch = std::max<int64_t>(pass.batch_triangles(), 1);
+  int64_t room = batch;
+  for (const Item& item : items) {
+    const Place& place = places_[item.mesh];
+    for (int64_t drawn = 0; drawn < place.triangles;) {
+      const int64_t count = std::min(place.triangles - drawn, room);
+      command_data_.push_back({static_cast<uint32_t>(3 * count), 1,
+                               place.first_index + static_cast<uint32_t>(3 * drawn), place.base_vertex,
+                               static_cast<uint32_t>(tag_data_.size())});
+      tag_data_.push_back({item.node, item.level});
+      drawn += count;
+      room -= count;
+      if (room > 0) continue;
+      submit(surface, pass);
+      room = batch;
+    }
+    pass.submitted.triangles += place.triangles;
+    pass.submitted.vertices += place.vertices;
+    pass.submitted.nodes += 1;
+  }
+  submit(surface, pass);
+}
+
+/// Draws what was added, and forgets it.
+void MeshMemory::submit(const render::Surface& surface, render::Pass& pass) {
+  if (command_data_.empty()) return;
+  send(tags_, as_bytes(tag_data_), pass.submitted);
+  send(commands_, as_bytes(command_data_), pass.submitted);
+  array_.source(3, tags_, 0, sizeof(Tag));
+  pass.use(program_, surface, {static_cast<bool>(colors_), false});
+  array_.bind();
+  gl::draw_indirect(commands_, 0, command_data_.size(), GL_UNSIGNED_INT);
+  pass.submitted.draw_calls += 1;
+  tag_data_.clear();
+  command_data_.clear();
 }
 
 }  // namespace lodlab

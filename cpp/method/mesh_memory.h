@@ -1,38 +1,47 @@
 // SPDX-License-Identifier: MIT
-// A stored mesh on the GPU, and its drawing. GL is here as in map_memory.h.
+// Stored meshes on the GPU, and their drawing. GL is here as in map_memory.h.
 #pragma once
 
+#include <span>
+#include <vector>
+
+#include "gl/indirect.h"
 #include "gl/vertex_array.h"
 #include "method/mesh_pages.h"
 #include "render/pass.h"
 
 namespace lodlab {
 
-/// The program that draws stored meshes (shaders/common/mesh.vert), one a session.
-class MeshProgram {
- public:
-  /// The variant for a mesh that has, or has not, what single floats leave.
-  render::SurfaceProgram& of(bool low) { return low ? sums_ : single_; }
-
- private:
-  render::SurfaceProgram single_{{"vertex", "common/mesh.vert"}};
-  render::SurfaceProgram sums_{{{"vertex", "common/mesh.vert"}}, std::vector<std::string>{"MESH_LOW"}};
-};
-
+/// All meshes of a store, one after the other in a few buffers; those of a cut are drawn with one call.
 class MeshMemory {
  public:
-  /// Unsupported for more triangles than one draw call takes.
-  explicit MeshMemory(const StoredMesh& mesh);
+  /// Unsupported for more than 32-bit indices tell apart.
+  explicit MeshMemory(const std::vector<StoredMesh>& meshes);
 
-  /// All its triangles, as a node of a level; counted as submitted.
-  void draw(MeshProgram& program, const render::Surface& surface, render::Pass& pass, uint32_t node,
-            uint32_t level);
-  int64_t bytes() const { return bytes_; }
+  struct Item {
+    uint32_t mesh, node, level;
+  };
+  /// Whole meshes, as nodes of levels; counted as submitted.
+  void draw(std::span<const Item> items, const render::Surface& surface, render::Pass& pass);
+  int64_t bytes() const;
 
  private:
-  gl::Buffer high_, low_, colors_, indices_;
+  struct Place {
+    uint32_t first_index;
+    int32_t base_vertex;
+    int64_t vertices, triangles;
+  };
+  struct Tag {
+    uint32_t node, level;
+  };
+  void submit(const render::Surface& surface, render::Pass& pass);
+
+  render::SurfaceProgram program_;
+  gl::Buffer high_, low_, colors_, indices_, tags_{0}, commands_{0};
   gl::VertexArray array_;
-  int64_t vertices_, triangles_, bytes_;
+  std::vector<Place> places_;
+  std::vector<Tag> tag_data_;
+  std::vector<gl::DrawCommand> command_data_;
   bool uploaded_now_ = true;  ///< the next draw reports the upload
 };
 

@@ -82,9 +82,9 @@ StoredMesh stored_mesh(const Mesh& mesh, std::span<const uint32_t> indices) {
   return out;
 }
 
-double stored_step(const MeshFrame& frame) {
-  if (frame.in_floats) return 0.0;
-  const glm::dvec3 far = glm::max(glm::abs(frame.box.lo), glm::abs(frame.box.hi));
+double stored_step(const Box& box, bool in_floats) {
+  if (in_floats) return 0.0;
+  const glm::dvec3 far = glm::max(glm::abs(box.lo), glm::abs(box.hi));
   const double most = std::max({far.x, far.y, far.z});
   return std::max(most * 0x1p-49, static_cast<double>(std::numeric_limits<float>::denorm_min()));
 }
@@ -104,11 +104,14 @@ void put_mesh(StoreWriter& writer, int kind, int64_t id, const StoredMesh& mesh)
   });
 }
 
+bool has_low(const Store& store, int kind, int64_t id) {
+  return store.has_page(kind + kLow, id * kPagesOfMesh);
+}
+
 StoredMesh get_mesh(const Store& store, int kind, int64_t id, int64_t vertices, int64_t triangles) {
   StoredMesh out;
   out.high = get<glm::vec3>(store, kind + kHigh, id, vertices, "positions");
-  if (store.has_page(kind + kLow, id * kPagesOfMesh))
-    out.low = get<glm::vec3>(store, kind + kLow, id, vertices, "positions");
+  if (has_low(store, kind, id)) out.low = get<glm::vec3>(store, kind + kLow, id, vertices, "positions");
   if (store.has_page(kind + kColors, id * kPagesOfMesh))
     out.colors = get<glm::u8vec4>(store, kind + kColors, id, vertices, "colours");
   out.indices.resize(static_cast<size_t>(3 * triangles));

@@ -25,12 +25,14 @@ struct StoredMesh {
 /// These triangles (three indices each) of a mesh, with the vertices that they use.
 StoredMesh stored_mesh(const Mesh& mesh, std::span<const uint32_t> indices);
 
-/// How far, in each coordinate, the sum of two floats may be from a coordinate of a mesh in this box.
-double stored_step(const MeshFrame& frame);
+/// How far, in each coordinate, what is stored may be from a coordinate of a mesh in this box.
+double stored_step(const Box& box, bool in_floats);
 
 /// Pages of kinds `kind` to `kind` + 3 for mesh number `id`; those that are there already are left as they
 /// are.
 void put_mesh(StoreWriter& writer, int kind, int64_t id, const StoredMesh& mesh);
+/// Whether mesh number `id` has positions as sums of two floats.
+bool has_low(const Store& store, int kind, int64_t id);
 /// StoreError where pages are missing or are no such mesh.
 StoredMesh get_mesh(const Store& store, int kind, int64_t id, int64_t vertices, int64_t triangles);
 

@@ -207,10 +207,12 @@ const Method& find_method(const std::string& name);
 void register_method(const Method* method);
 
 /// Checks that the method accepts the source and its windows (Unsupported) and the options (InvalidInput),
-/// builds into `path` (temporary name, renamed when complete), returns the opened store.
+/// builds into `path` (temporary name, renamed when complete), returns the opened store. `brought`: the
+/// meshes that options name.
 std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
                                          const std::map<std::string, OptionValue>& options,
-                                         const std::string& path, BuildMode mode, const Progress& progress);
+                                         const std::string& path, BuildMode mode, const Progress& progress,
+                                         std::map<std::string, Meshes> brought = {});
 
 /// Checks a budget against a method's list: InvalidInput for values that are not positive or none set,
 /// Unsupported for one that the method does not list. `full` (empty list) ignores budgets.

@@ -16,12 +16,12 @@ OptionSpec projection_option() {
       {"strict", "vertical", "paper"}};
 }
 
-Projection projection_of(const Options& options, const FieldFrame& source) {
+Projection projection_of(const Options& options, bool z_is_up) {
   const std::string& text = options.text("projection");
-  if (text == "vertical" && source.planet) {
+  if (text == "vertical" && !z_is_up) {
     throw Unsupported(
         "session: option projection = vertical takes z for up, which bounds flat fields only; this source is "
-        "a planet: projection = strict");
+        "a planet or a mesh: projection = strict");
   }
   return text == "paper"      ? Projection::kPaper
          : text == "vertical" ? Projection::kVertical

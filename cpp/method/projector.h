@@ -10,17 +10,16 @@
 #include "base/options.h"
 #include "common/projection.h"
 #include "geometry/bounds.h"
-#include "geometry/height_field.h"
 #include "geometry/view.h"
 
 namespace lodlab {
 
 enum class Projection { kPaper, kStrict, kVertical };
 
-/// The draw option `projection`, and its value for a source. Unsupported: vertical on a planet, where up is
-/// another direction at every sample.
+/// The draw option `projection`, and its value. Unsupported: vertical where z is not up, on planets and
+/// meshes.
 OptionSpec projection_option();
-Projection projection_of(const Options& options, const FieldFrame& source);
+Projection projection_of(const Options& options, bool z_is_up);
 
 /// Constants are computed once a frame.
 struct Projector {

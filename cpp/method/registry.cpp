@@ -8,9 +8,10 @@ const Method& full_method();
 const Method& chunked_method();
 const Method& multigrain_method();
 const Method& seamless_method();
+const Method& discrete_method();
 
 std::vector<const Method*> built_in_methods() {
-  return {&full_method(), &chunked_method(), &multigrain_method(), &seamless_method()};
+  return {&full_method(), &chunked_method(), &multigrain_method(), &seamless_method(), &discrete_method()};
 }
 
 }  // namespace lodlab

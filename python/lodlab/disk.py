@@ -57,10 +57,31 @@ def is_store(path: str | os.PathLike[str]) -> bool:
     return (head.startswith(b"SQLite format 3") and head[68:72] == _APPLICATION_ID) or file.suffix == ".lod"
 
 
+def parts_of(text: str) -> list[str]:
+    """The SOURCE texts of an option: with ';' between them, or where there is none with ','; a file's name as it is."""
+    separator = ";" if ";" in text else ","
+    return [text] if os.path.isfile(text) else [part.strip() for part in text.split(separator) if part.strip()]
+
+
+def _file_in(part: str) -> str | None:
+    """The file that a SOURCE text begins with."""
+    return next((name for name in (part, part.partition(":")[0]) if name and os.path.isfile(name)), None)
+
+
+def absolute_parts(text: str) -> str:
+    """An option's text, the files that it names by absolute names."""
+    parts = parts_of(text)
+    if not any(map(_file_in, parts)):
+        return text
+    named = ((part, _file_in(part)) for part in parts)
+    return ";".join(part if file is None else os.path.abspath(file) + part[len(file) :] for part, file in named)
+
+
 def rasters(options: Mapping[str, Any]) -> dict[tuple[str, str], str]:
     """The files that build options name, each as ("raster", its name) with 32 hex digits of its bytes."""
     out = {}
-    for file in (v for v in options.values() if isinstance(v, str) and v and os.path.isfile(v)):
+    texts = (v for v in options.values() if isinstance(v, str) and v)
+    for file in (file for text in texts for part in parts_of(text) if (file := _file_in(part))):
         status = os.stat(file)
         out["raster", file] = _file_hash(os.path.abspath(file), status.st_mtime_ns, status.st_size)
     return out

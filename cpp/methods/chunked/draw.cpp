@@ -137,7 +137,7 @@ ChunkedSession::ChunkedSession(std::shared_ptr<const ChunkedHierarchy> hierarchy
       skirts_(options.text("cracks") == "skirt"),
       residency_(hierarchy_->store, std::move(plan.setup)),
       most_pieces_(plan.most_pieces) {
-  projection_ = projection_of(options, hierarchy_->frame);
+  projection_ = projection_of(options, !hierarchy_->frame.planet);
   const std::string& morph = options.text("morph");
   morph_ = morph == "true" ? Morph::kBudget : morph == "formula4" ? Morph::kFormula4 : Morph::kNone;
 }

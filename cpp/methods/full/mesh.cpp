@@ -14,29 +14,28 @@ constexpr int kMeshPages = 4;  ///< the kinds after those of height fields
 class MeshSession : public OneNodeSession {
  public:
   MeshSession(std::shared_ptr<const Hierarchy> hierarchy, StoredMesh mesh, const Box& box)
-      : OneNodeSession(mesh.triangles()),
-        hierarchy_(std::move(hierarchy)),
-        mesh_(std::move(mesh)),
-        box_(box) {}
+      : OneNodeSession(mesh.triangles()), hierarchy_(std::move(hierarchy)), box_(box) {
+    mesh_.push_back(std::move(mesh));
+  }
 
   void draw(const Cut& cut, render::Pass& pass) override {
     if (!gpu_) {
       gpu_ = std::make_unique<Gpu>(mesh_, box_);
       mesh_ = {};
     }
-    if (!cut.claim->nodes.empty()) gpu_->memory.draw(gpu_->program, *gpu_->surface, pass, 0, 0);
+    if (!cut.claim->nodes.empty()) gpu_->memory.draw({{{0, 0, 0}}}, *gpu_->surface, pass);
   }
   int64_t resident_bytes() const override { return gpu_ ? gpu_->memory.bytes() : 0; }
 
  private:
   struct Gpu {
-    Gpu(const StoredMesh& mesh, const Box& box) : surface(render::make_surface(box)), memory(mesh) {}
-    MeshProgram program;
+    Gpu(const std::vector<StoredMesh>& mesh, const Box& box)
+        : surface(render::make_surface(box)), memory(mesh) {}
     std::shared_ptr<const render::Surface> surface;
     MeshMemory memory;
   };
   std::shared_ptr<const Hierarchy> hierarchy_;
-  StoredMesh mesh_;  ///< until the first draw
+  std::vector<StoredMesh> mesh_;  ///< the one, until the first draw
   Box box_;
   std::unique_ptr<Gpu> gpu_;
 };
@@ -51,11 +50,11 @@ class MeshHierarchy : public Hierarchy, public std::enable_shared_from_this<Mesh
     vertices_ = counts[0];
     root_.triangles = counts[1];
     root_.box = frame_.box;
-    root_.error = std::sqrt(3.0) * stored_step(frame_);
+    root_.error = std::sqrt(3.0) * stored_step(frame_.box, frame_.in_floats);
   }
 
   std::vector<NodeInfo> nodes() const override { return {root_}; }
-  double quantum() const override { return stored_step(frame_); }
+  double quantum() const override { return stored_step(frame_.box, frame_.in_floats); }
   int64_t vertices() const override { return vertices_; }
   std::unique_ptr<Session> session(const Options&) const override {
     return std::make_unique<MeshSession>(

@@ -111,7 +111,7 @@ Adapt adapt_of(const Options& options) {
 
 MultigrainSession::MultigrainSession(std::shared_ptr<const Forest> forest, const Options& options)
     : forest_(std::move(forest)),
-      projection_(projection_of(options, forest_->frame)),
+      projection_(projection_of(options, !forest_->frame.planet)),
       adapt_(adapt_of(options)),
       paging_(std::make_unique<Paging>(forest_, options)),
       maps_(std::make_unique<MapPaging>(std::make_unique<NodeSquares>(forest_), maps_of(*forest_),

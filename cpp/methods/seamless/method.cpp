@@ -139,7 +139,7 @@ class Seamless : public Method {
 
 SeamlessSession::SeamlessSession(std::shared_ptr<const Hierarchy> hierarchy, const Options& options)
     : hierarchy_(std::move(hierarchy)),
-      projection_(projection_of(options, hierarchy_->frame)),
+      projection_(projection_of(options, !hierarchy_->frame.planet)),
       metric_(metric_of(options)),
       mesh_(hierarchy_->layout.patch_log2, hierarchy_->layout.resolutions),
       parts_(options.flag("parts")),

@@ -34,13 +34,13 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import _core
+from ..disk import absolute_parts
 from ..errors import InvalidInput
 from ..paths.path import DEFAULT_FOV
 from ..sources.spec import short_source
@@ -152,14 +152,10 @@ def _freeze_options(method: str, given: Mapping[str, Any]) -> dict[str, Any]:
             values = given[name] if isinstance(given[name], (list, tuple)) else [given[name]]
             if not values:
                 raise InvalidInput(f"options of {method}: {name} is an empty list")
-            checked = [_anywhere(_core.resolve_options(method, stage, {name: v})[name]) for v in values]
+            checked = [_core.resolve_options(method, stage, {name: v})[name] for v in values]
+            checked = [absolute_parts(v) if isinstance(v, str) else v for v in checked]
             out[name] = checked if len(checked) > 1 else checked[0]
     return dict(sorted(out.items()))
-
-
-def _anywhere(value: Any) -> Any:
-    """A text that names a file, so that it names it from any folder."""
-    return os.path.abspath(value) if isinstance(value, str) and os.path.isfile(value) else value
 
 
 def _known(where: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:

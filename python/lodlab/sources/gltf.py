@@ -27,15 +27,16 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942  # chunks of GLB
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def read_gltf(data: bytes, path: str) -> Polygons:
-    """The triangles of a glTF or GLB file. InvalidInput names the path."""
+def read_gltf(data: bytes, path: str, level: int = 0) -> Polygons:
+    """The triangles of a glTF or GLB file. InvalidInput names the path. `level`: of nodes that have levels by the
+    extension MSFT_lod that one, or their last."""
     try:
         text, binary = _chunks(data) if data[:4] == b"glTF" else (data, None)
         document = json.loads(text)
         needed = [name for name in document.get("extensionsRequired", []) if "compression" in str(name).lower()]
         if needed:
             raise InvalidInput(f"it needs the extension {needed[0]}, which is not read")
-        return _Scene(document, binary, os.path.dirname(path)).polygons()
+        return _Scene(document, binary, os.path.dirname(path), level).polygons()
     except InvalidInput as error:
         raise InvalidInput(f"open {path}: {error}") from None
     except (
@@ -49,6 +50,21 @@ def read_gltf(data: bytes, path: str) -> Polygons:
         struct.error,
     ) as error:
         raise InvalidInput(f"open {path}: it is damaged: {type(error).__name__}: {str(error)[:200]}") from None
+
+
+def levels_in_gltf(data: bytes) -> int:
+    """How many levels the nodes of a glTF or GLB file have, by the extension MSFT_lod; 1 where none has more, and
+    where the file is damaged, which reading it tells."""
+    try:
+        text, _ = _chunks(data) if data[:4] == b"glTF" else (data, None)
+        return 1 + max((len(_lower(node)) for node in json.loads(text).get("nodes", [])), default=0)
+    except (InvalidInput, LookupError, TypeError, ValueError, AttributeError, RecursionError):
+        return 1
+
+
+def _lower(node: dict[str, Any]) -> list[int]:
+    """The nodes that stand in for a node, the finest first (MSFT_lod)."""
+    return node.get("extensions", {}).get("MSFT_lod", {}).get("ids", [])
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
@@ -84,7 +100,8 @@ class _Parts:
 
 
 class _Scene:
-    def __init__(self, document: dict[str, Any], binary: bytes | None, folder: str) -> None:
+    def __init__(self, document: dict[str, Any], binary: bytes | None, folder: str, level: int) -> None:
+        self._level = level
         self._document = document
         self._folder = folder
         self._buffers = [self._buffer(k, b, binary) for k, b in enumerate(document.get("buffers", []))]
@@ -102,6 +119,8 @@ class _Scene:
                 raise InvalidInput(f"its node {node} is reached twice; nodes are trees")
             reached.add(node)
             about = _item(self._document["nodes"], node)
+            if self._level and (lower := _lower(about)):
+                about = _item(self._document["nodes"], lower[min(self._level, len(lower)) - 1])
             with np.errstate(all="ignore"):
                 matrix = above @ _transform(about)
             if not np.isfinite(matrix).all():

@@ -16,7 +16,7 @@ import numpy as np
 from .. import _core
 from ..errors import InvalidInput, check_one_of
 from .base import Source
-from .mesh_files import format_of, read_mesh
+from .mesh_files import format_of, read_levels, read_mesh
 from .polygons import MeshData
 from .raster import title
 from .spec import format_spec
@@ -231,6 +231,14 @@ class Mesh(Source):
         parts = [f"{self.samples} vertices", f"{len(self.faces)} triangles", f"extent {self.extent:.6g}"]
         parts += ["colours"] if self.colors is not None else []
         return f"<Mesh {self.name}: {', '.join(parts)}>"
+
+
+def levels_of_file(path: str) -> list[Mesh]:
+    """The levels that a file holds, the finest first: several of a glTF file with MSFT_lod; none of what is no mesh
+    file by its name."""
+    if format_of(path) is None:
+        return []
+    return [Mesh.made(data, title(path), os.path.abspath(path)) for data in read_levels(path)]
 
 
 def repairs_of(repair: str | Iterable[str] | None) -> tuple[str, ...]:

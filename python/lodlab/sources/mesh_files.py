@@ -12,7 +12,7 @@ import os
 import zlib
 
 from ..errors import InvalidInput
-from .gltf import read_gltf
+from .gltf import levels_in_gltf, read_gltf
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
@@ -43,6 +43,15 @@ def read_mesh(path: str) -> MeshData:
     if kind is None:
         raise InvalidInput(f"open {path}: it ends in none of {', '.join(FORMATS)}, nor one of them and .gz")
     return triangles(_READERS[kind](read_bytes(path), path), path)
+
+
+def read_levels(path: str) -> list[MeshData]:
+    """The levels of a file, the finest first: several of a glTF file with the extension MSFT_lod."""
+    kind = format_of(path)
+    if kind not in (".gltf", ".glb"):
+        return [read_mesh(path)]
+    data = read_bytes(path)
+    return [triangles(read_gltf(data, path, level), path) for level in range(levels_in_gltf(data))]
 
 
 def read_bytes(path: str) -> bytes:

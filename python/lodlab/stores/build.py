@@ -13,6 +13,7 @@ from ..disk import attribute_hash, short_hash
 from ..errors import StoreError
 from ..sources.base import Source
 from ..sources.datasets import as_source
+from .brought import as_text, meshes_of
 from .methods import method_table
 from .store import Store, open
 
@@ -38,14 +39,15 @@ def build(
     by_rows = method_table(method)["by_rows"]
     field = as_source(source)
     given = field.core if by_rows else field.loaded().core
+    meshes = meshes_of(method, options)
     with Progress(f"build {method}", progress) as bar:
-        core = _core.build(given, method, os.fspath(path), options, mode, bar.stage)
+        core = _core.build(given, method, os.fspath(path), as_text(method, options), mode, bar.stage, meshes)
     return Store(core, field)
 
 
 def store_file(source: Source, method: str, options: Mapping[str, Any], folder: Path) -> Path:
     """Where `store_for` keeps the store of a source, method and build options."""
-    resolved = _core.resolve_options(method, "build", dict(options))
+    resolved = _core.resolve_options(method, "build", as_text(method, options))
     colours = attribute_hash(resolved)
     digest = short_hash({"source": source.hash(), "options": resolved, **({"files": colours} if colours else {})})
     return folder / f"{method}-{digest}.lod"
@@ -66,7 +68,7 @@ def store_for(
     user's own folder, where a store of any name is reused, but for those with colours, whose raster may have
     changed since.
     """
-    resolved = _core.resolve_options(method, "build", dict(options))
+    resolved = _core.resolve_options(method, "build", as_text(method, options))
     folder.mkdir(parents=True, exist_ok=True)
     file = store_file(source, method, resolved, folder)
 
@@ -84,7 +86,7 @@ def store_for(
             store.attach(source)
             return store
         raise StoreError(f"stores: {file} is not the store that its name says; remove it")
-    return build(source, method, file, mode="resume", progress=progress, **resolved)
+    return build(source, method, file, mode="resume", progress=progress, **(resolved | dict(options)))
 
 
 def _opened(file: Path) -> Store | None:

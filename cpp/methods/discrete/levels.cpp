@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: MIT
+// The levels that are made here: by meshoptimizer, each from the one before it, with half its triangles.
+#include <meshoptimizer.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "base/parallel.h"
+#include "geometry/mesh_edges.h"
+#include "geometry/mesh_repair.h"
+#include "methods/discrete/discrete.h"
+
+namespace lodlab::discrete {
+namespace {
+
+/// A simplification that leaves more than this share of the triangles has come to its end.
+constexpr double kStuck = 0.9;
+
+/// Positions within a box of size 1.
+std::vector<glm::vec3> in_floats(const Mesh& mesh) {
+  std::vector<glm::vec3> out(mesh.positions.size());
+  const glm::dvec3 centre = mesh.box.center();
+  const double scale = 1.0 / std::max(mesh.extent(), std::numeric_limits<double>::min());
+  for (size_t i = 0; i < out.size(); ++i) out[i] = scale * (mesh.positions[i] - centre);
+  return out;
+}
+
+/// The faces of a mesh that are listed, with the vertices that they use.
+std::shared_ptr<const Mesh> part_of(const Mesh& mesh, std::span<const uint32_t> listed,
+                                    std::vector<uint32_t>& renamed) {
+  struct Held {
+    std::vector<glm::dvec3> positions;
+    std::vector<Face> faces;
+    std::vector<glm::u8vec4> colors;
+  };
+  const auto held = std::make_shared<Held>();
+  std::vector<uint32_t> used;
+  for (const uint32_t face : listed) {
+    Face out;
+    for (size_t k = 0; k < 3; ++k) {
+      const uint32_t vertex = mesh.faces[face][k];
+      if (renamed[vertex] == ~0u) {
+        renamed[vertex] = static_cast<uint32_t>(used.size());
+        used.push_back(vertex);
+        held->positions.push_back(mesh.positions[vertex]);
+        if (!mesh.colors.empty()) held->colors.push_back(mesh.colors[vertex]);
+      }
+      out[k] = renamed[vertex];
+    }
+    held->faces.push_back(out);
+  }
+  for (const uint32_t vertex : used) renamed[vertex] = ~0u;
+  return make_mesh({held->positions, held->faces, held->colors, {}, held}, "");
+}
+
+}  // namespace
+
+std::vector<uint32_t> in_order(const Mesh& mesh) {
+  const std::vector<glm::vec3> positions = in_floats(mesh);
+  std::vector<uint32_t> out(3 * mesh.faces.size());
+  meshopt_spatialSortTriangles(out.data(), mesh.faces.data()->data(), out.size(), &positions.data()->x,
+                               positions.size(), sizeof(glm::vec3));
+  return out;
+}
+
+std::vector<std::vector<uint32_t>> halved(const Mesh& mesh) {
+  const std::vector<glm::vec3> positions = in_floats(mesh);
+  std::vector<std::vector<uint32_t>> levels{in_order(mesh)};
+  while (static_cast<int64_t>(levels.back().size() / 3) >= 2 * kFewTriangles) {
+    const std::vector<uint32_t>& from = levels.back();
+    std::vector<uint32_t> to(from.size());
+    to.resize(meshopt_simplify(to.data(), from.data(), from.size(), &positions.data()->x, positions.size(),
+                               sizeof(glm::vec3), from.size() / 6 * 3, std::numeric_limits<float>::max(), 0,
+                               nullptr));
+    if (to.empty() || static_cast<double>(to.size()) > kStuck * static_cast<double>(from.size())) break;
+    levels.push_back(std::move(to));
+  }
+  std::reverse(levels.begin(), levels.end());
+  return levels;
+}
+
+std::vector<std::shared_ptr<const Mesh>> parts_of(std::shared_ptr<const Mesh> mesh) {
+  const std::vector<uint32_t> at = first_at_position(mesh->positions);
+  Sets sets(static_cast<int64_t>(at.size()));
+  for (const Face& face : mesh->faces) {
+    sets.join(at[face[0]], at[face[1]]);
+    sets.join(at[face[0]], at[face[2]]);
+  }
+  std::vector<uint32_t> part(mesh->faces.size()), faces_of(at.size(), 0);
+  for (size_t f = 0; f < part.size(); ++f) ++faces_of[part[f] = sets.find(at[mesh->faces[f][0]])];
+  std::vector<uint32_t> order(at.size(), ~0u);  // of a component's list; those that are small share one
+  std::vector<std::vector<uint32_t>> lists;
+  uint32_t small = ~0u;
+  for (size_t f = 0; f < part.size(); ++f) {
+    const bool is_small = faces_of[part[f]] < 2 * kFewTriangles;
+    uint32_t& list = is_small ? small : order[part[f]];
+    if (list == ~0u) {
+      list = static_cast<uint32_t>(lists.size());
+      lists.emplace_back();
+    }
+    lists[list].push_back(static_cast<uint32_t>(f));
+  }
+  if (lists.size() == 1) return {std::move(mesh)};
+  std::vector<uint32_t> renamed(mesh->positions.size(), ~0u);
+  std::vector<std::shared_ptr<const Mesh>> out;
+  for (const auto& list : lists) out.push_back(part_of(*mesh, list, renamed));
+  return out;
+}
+
+std::shared_ptr<const Mesh> mesh_of(const HeightField& field) {
+  struct Held {
+    std::vector<glm::dvec3> positions;
+    std::vector<Face> faces;
+  };
+  const auto held = std::make_shared<Held>();
+  const int64_t cells = field.cols - 1;
+  held->positions.resize(static_cast<size_t>(field.rows * field.cols));
+  held->faces.resize(static_cast<size_t>(2 * (field.rows - 1) * cells));
+  parallel_for(field.rows, 64, [&](int64_t begin, int64_t end) {
+    for (int64_t row = begin; row < end; ++row) {
+      for (int64_t col = 0; col < field.cols; ++col) {
+        held->positions[static_cast<size_t>(row * field.cols + col)] =
+            field.position(row, col, field.at(row, col));
+      }
+      if (row + 1 == field.rows) continue;
+      for (int64_t col = 0; col < cells; ++col) {
+        const auto nw = static_cast<uint32_t>(row * field.cols + col), ne = nw + 1,
+                   sw = nw + static_cast<uint32_t>(field.cols), se = sw + 1;
+        Face* const two = &held->faces[static_cast<size_t>(2 * (row * cells + col))];
+        const bool down = (row + col) % 2 == 0;  // the diagonal runs from north-west to south-east
+        two[0] = down ? Face{nw, sw, se} : Face{nw, sw, ne};
+        two[1] = down ? Face{nw, se, ne} : Face{ne, sw, se};
+      }
+    }
+  });
+  return make_mesh({held->positions, held->faces, {}, {}, held}, "");
+}
+
+}  // namespace lodlab::discrete
