@@ -33,9 +33,9 @@ Levels brought(const Meshes& meshes) {
   return out;
 }
 
-Levels made(const std::shared_ptr<const Mesh>& mesh) {
+Levels made(const std::shared_ptr<const Mesh>& mesh, const HeightField* field) {
   Levels out;
-  for (auto& indices : halved(*mesh)) out.push_back({mesh, std::move(indices)});
+  for (auto& indices : halved(*mesh, field)) out.push_back({mesh, std::move(indices)});
   return out;
 }
 
@@ -121,7 +121,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     Count count(progress, "simplify", chains.size());
     parallel_for(static_cast<int64_t>(chains.size()), 1, [&](int64_t begin, int64_t end) {
       for (auto c = static_cast<size_t>(begin); c < static_cast<size_t>(end); ++c) {
-        chains[c] = made(parts[c]);
+        chains[c] = made(parts[c], field);
         count();
       }
     });

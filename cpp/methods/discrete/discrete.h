@@ -40,7 +40,13 @@ inline constexpr int64_t kFewTriangles = 256;
 std::vector<uint32_t> in_order(const Mesh& mesh);
 
 /// Faces of the levels of a mesh, the coarsest first, the mesh itself last: halved as far as it goes.
-std::vector<std::vector<uint32_t>> halved(const Mesh& mesh);
+/// `field`: what the mesh is of, or null.
+std::vector<std::vector<uint32_t>> halved(const Mesh& mesh, const HeightField* field);
+
+/// A triangulation of samples of a field in which every triangle shows its upper side: simplification leaves
+/// some that are turned over or, on one line, have no area. They are swapped with a neighbour's half. Empty
+/// where that does not help.
+std::vector<uint32_t> unfolded(std::vector<uint32_t> indices, const HeightField& field);
 
 /// The parts of a mesh that have levels of their own: each component, sets of triangles joined at positions,
 /// that is large enough to be halved; and all others together.
