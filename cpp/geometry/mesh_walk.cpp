@@ -62,10 +62,10 @@ struct Walker {
   const MeshSurface& to;
   std::span<const uint32_t> across;
   double absolute;
-  double attained;               ///< the largest distance that is known
-  uint32_t last = kNoTriangle;   ///< where the triangle before was near
-  std::vector<Triangle> open;    ///< parts that nothing settles
-  std::vector<Triangle> rest{};  ///< of the triangle at hand
+  double attained;                ///< the largest distance that is known
+  uint32_t last = kNoTriangle;    ///< where the triangle before was near
+  std::vector<Triangle> open;     ///< parts that nothing settles
+  std::vector<Triangle> parts{};  ///< of the triangle at hand
 
   /// The largest upper bound that says no more than what is attained, less a hair.
   double settled() const {
@@ -115,8 +115,8 @@ void Walker::walk(const Triangle& piece, Place& place, int steps, std::vector<Tr
   size_t lone = 0;
   while (past(lone) != (count == 1)) ++lone;
   const size_t p = (lone + 1) % 3, q = (lone + 2) % 3;
-  const auto crossing = [&](size_t to) {
-    return glm::mix(piece[lone], piece[to], beyond[lone][side] / (beyond[lone][side] - beyond[to][side]));
+  const auto crossing = [&](size_t end) {
+    return glm::mix(piece[lone], piece[end], beyond[lone][side] / (beyond[lone][side] - beyond[end][side]));
   };
   const glm::dvec3 at_p = crossing(p), at_q = crossing(q);
   const bool tip_past = count == 1;
@@ -140,12 +140,12 @@ void Walker::triangle(const Triangle& whole) {
     for (const glm::dvec3& corner : whole) radius = std::max(radius, glm::distance(corner, centre));
     const double near = closest_on_triangle(to.mesh().triangle(last), centre).distance;
     if (near + radius <= settled()) return;  // most are
-    rest.clear();
-    go(whole, rest);
+    parts.clear();
+    go(whole, parts);
   } else {
-    rest = {whole};
+    parts = {whole};
   }
-  for (const Triangle& part : rest) {
+  for (const Triangle& part : parts) {
     ask(centre_of(part));
     go(part, open);
   }
