@@ -72,7 +72,7 @@ def test_methods_list_their_option_tables() -> None:
         assert "finest_error" in names
         for option in method["options"]:
             assert option["stage"] in ("build", "draw")
-            assert option["type"] in ("bool", "int", "float", "choice", "string")
+            assert option["type"] in ("bool", "int", "float", "choice", "meshes", "string")
             assert ("choices" in option) == (option["type"] == "choice")
             assert option["help"].endswith("."), option
             given = {option["name"]: option["default"]}

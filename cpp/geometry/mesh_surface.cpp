@@ -9,6 +9,7 @@
 
 #include "base/errors.h"
 #include "geometry/bounds.h"
+#include "geometry/mesh_edges.h"
 
 namespace lodlab {
 namespace {
@@ -153,6 +154,20 @@ WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
   for (size_t i = 0; i < corners; ++i) {
     out.positions[vertex[i]] = triangles[i / 3][i % 3] - centre;
     out.faces[i / 3][i % 3] = vertex[i];
+  }
+  return out;
+}
+
+WeldedMesh unmatched_edges(const WeldedMesh& mesh) {
+  const MeshEdges edges = mesh_edges(mesh.faces, static_cast<int64_t>(mesh.positions.size()));
+  WeldedMesh out;
+  out.positions = mesh.positions;
+  for (int64_t e = 0; e < edges.count(); ++e) {
+    const std::span<const uint32_t> sides = edges.of(e);
+    const auto start = [&](uint32_t side) { return vertex_of(mesh.faces, side); };
+    const uint32_t from = start(sides[0]), to = start(side_end(sides[0]));
+    if (sides.size() == 2 && start(sides[1]) == to) continue;
+    out.faces.push_back({std::min(from, to), std::max(from, to), std::max(from, to)});
   }
   return out;
 }

@@ -35,6 +35,10 @@ struct WeldedMesh {
 /// Makes corners with bit-equal coordinates one vertex, and subtracts the centre.
 WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre);
 
+/// The edges of a mesh that are not there once in each direction, but for those of triangles that are
+/// segments; as triangles that are segments.
+WeldedMesh unmatched_edges(const WeldedMesh& mesh);
+
 inline constexpr uint32_t kNoTriangle = std::numeric_limits<uint32_t>::max();
 
 struct Closest {

@@ -190,22 +190,6 @@ std::vector<NodeError> LaidOnMesh::node_errors() {
   return out;
 }
 
-/// The edges of a mesh that are not there once in each direction, but for those of triangles that are
-/// segments.
-WeldedMesh unmatched_edges(const WeldedMesh& mesh) {
-  const MeshEdges edges = mesh_edges(mesh.faces, static_cast<int64_t>(mesh.positions.size()));
-  WeldedMesh out;
-  out.positions = mesh.positions;
-  for (int64_t e = 0; e < edges.count(); ++e) {
-    const std::span<const uint32_t> sides = edges.of(e);
-    const auto start = [&](uint32_t side) { return vertex_of(mesh.faces, side); };
-    const uint32_t from = start(sides[0]), to = start(side_end(sides[0]));
-    if (sides.size() == 2 && start(sides[1]) == to) continue;
-    out.faces.push_back({std::min(from, to), std::max(from, to), std::max(from, to)});
-  }
-  return out;
-}
-
 }  // namespace
 
 MeshRuler::MeshRuler(std::shared_ptr<const Mesh> source) : source_(std::move(source)) {

@@ -61,7 +61,8 @@ class MeshMeasure {
   /// `faces`: in_order().
   MeshMeasure(std::shared_ptr<const Mesh> part, std::span<const uint32_t> faces);
   ~MeshMeasure();
-  /// No point of either surface is farther from the other. `first`: first_at_position() of the level's mesh.
+  /// No point of either surface is farther from the other, and no point of the level's border from the
+  /// part's. `first`: first_at_position() of the level's mesh.
   double bound(const Mesh& of, std::span<const uint32_t> first, std::span<const uint32_t> indices) const;
   /// first_at_position() of the part.
   std::span<const uint32_t> first() const { return first_; }

@@ -34,9 +34,11 @@ WeldedMesh relative_to(const glm::dvec3& centre, const Mesh& mesh, std::span<con
 
 struct MeshMeasure::Target {
   WeldedMesh mesh;
+  WeldedMesh border;  ///< as segments
   MeshSurface surface;
   std::vector<uint32_t> across;
-  explicit Target(WeldedMesh of) : mesh(std::move(of)), surface(mesh), across(across_sides(mesh)) {}
+  explicit Target(WeldedMesh of)
+      : mesh(std::move(of)), border(unmatched_edges(mesh)), surface(mesh), across(across_sides(mesh)) {}
 };
 
 MeshMeasure::MeshMeasure(std::shared_ptr<const Mesh> part, std::span<const uint32_t> faces)
@@ -54,6 +56,11 @@ double MeshMeasure::bound(const Mesh& of, std::span<const uint32_t> first,
   const double extent = glm::distance(box.lo, box.hi);
   double largest = walked_distance(target_->mesh, level.surface, level.across, extent, kMostPieces);
   largest = walked_distance(level.mesh, target_->surface, target_->across, extent, kMostPieces, largest);
+  if (!level.border.faces.empty() && !target_->border.faces.empty()) {
+    const MeshSurface border(target_->border);
+    largest = largest_distance(level.border, closest_to_vertices(level.border, border), border, extent,
+                               kMostPieces, largest);
+  }
   return std::max(largest * (1.0 + kMaxTolerance), largest + kLeastShare * extent);
 }
 

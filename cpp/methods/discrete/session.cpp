@@ -99,7 +99,11 @@ void DiscreteSession::refine(const Projector& projector, const Budget& budget, C
                              std::vector<Candidate>& heap) const {
   const double target = budget.pixel_error.value_or(0.0);
   const int64_t most = *budget.triangles;
-  if (claim.triangles > most) claim.least_triangles = claim.triangles;
+  if (claim.triangles > most) {
+    claim.least_triangles = claim.triangles;
+    claim.least_nodes = std::count_if(claim.nodes.begin(), claim.nodes.end(),
+                                      [](const CutNode& picked) { return picked.visible; });
+  }
   heap.clear();
   const auto add = [&](uint32_t id) {
     if (finest(id)) return;

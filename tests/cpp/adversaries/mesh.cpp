@@ -91,7 +91,7 @@ class PatchHierarchy : public FamilyHierarchy, public std::enable_shared_from_th
     for (size_t i = 0; i < sizes.size(); i += 2)
       patches.push_back(get_mesh(store, kPatches, static_cast<int64_t>(i / 2), sizes[i], sizes[i + 1]));
   }
-  double quantum() const override { return stored_step(frame); }
+  double quantum() const override { return stored_step(frame.box, frame.in_floats); }
   int64_t vertices() const override {
     int64_t out = 0;
     for (const StoredMesh& patch : patches) out += patch.vertices();
@@ -115,9 +115,8 @@ class PatchSession : public FamilySession {
   }
 
  protected:
-  void begin(render::Pass& pass) override {
+  void begin(render::Pass&) override {
     if (!surface_) upload();
-    pass.use(program_->of(true), *surface_, {});
   }
   void draw_node(uint32_t node, int resolution, render::Pass& pass) override {
     const size_t patch = node * kResolutions + static_cast<size_t>(resolution);
@@ -125,7 +124,7 @@ class PatchSession : public FamilySession {
       ++pass.submitted.nodes;
       return;
     }
-    memory_[patch]->draw(*program_, *surface_, pass, node, 0);
+    memory_[patch]->draw({{{0, node, 0}}}, *surface_, pass);
     pass.submitted.triangles +=
         hierarchy_->node[node].triangles[resolution] - hierarchy_->patches[patch].triangles();
   }
@@ -133,14 +132,12 @@ class PatchSession : public FamilySession {
  private:
   void upload() {
     surface_ = render::make_surface(hierarchy_->frame.box);
-    program_ = std::make_unique<MeshProgram>();
     for (const StoredMesh& patch : hierarchy_->patches)
-      memory_.push_back(patch.indices.empty() ? nullptr : std::make_unique<MeshMemory>(patch));
+      memory_.push_back(patch.indices.empty() ? nullptr : std::make_unique<MeshMemory>(std::vector{patch}));
   }
 
   std::shared_ptr<const PatchHierarchy> hierarchy_;
   std::shared_ptr<const render::Surface> surface_;
-  std::unique_ptr<MeshProgram> program_;
   std::vector<std::unique_ptr<MeshMemory>> memory_;
 };
 
@@ -157,7 +154,7 @@ void build_patches(const Family& method, const lodlab::Mesh& source, double gap,
     triangles.push_back({source.positions[f[0]], source.positions[f[1]], source.positions[f[2]]});
   const WeldedMesh welded = weld(triangles, glm::dvec3(0.0));
   const MeshSurface surface(welded);
-  const double step = std::sqrt(3.0) * stored_step(mesh_frame_from_json(source.frame()));
+  const double step = std::sqrt(3.0) * stored_step(source.box, source.in_floats);
   std::vector<Node> nodes;
   std::vector<int64_t> sizes;
   for (const Patch& part : parts) {
