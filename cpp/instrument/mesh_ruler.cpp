@@ -228,7 +228,7 @@ int64_t MeshRuler::crack_edges(const render::Captured& captured, const NodeBound
     if (edge.balanced) return true;
     const double bound_of_node = bound(edge.node);
     for (const glm::dvec3& point : {edge.low, edge.high, 0.5 * (edge.low + edge.high)}) {
-      const double reach = 2.0 * bound_of_node + world_slack(glm::length(point));
+      const double reach = bound_of_node + world_slack(glm::length(point));
       if (!(border().closest(point + offset).distance <= reach)) return false;
     }
     return true;

@@ -19,10 +19,9 @@ class MeshRuler final : public Ruler {
   const Mesh& source() const override { return *source_; }
   std::unique_ptr<Laid> lay(Shown shown) const override;
   bool has_holes() const override { return false; }
-  /// An edge lies on the source's own border where its ends and its middle are within twice its node's bound
-  /// of edges of the source that are not there once in each direction: where the surface may be off by a
-  /// bound, its border may be so, and a little beside that. As often one way as the other is no crack: sheets
-  /// touch.
+  /// An edge lies on the source's own border where its ends and its middle are within its node's bound of
+  /// edges of the source that are not there once in each direction: a bound is one of the border, too. As
+  /// often one way as the other is no crack: sheets touch.
   int64_t crack_edges(const render::Captured& captured, const NodeBound& bound) const override;
   Orientation orientation(const render::Captured& captured, const NodeBound& bound) const override;
   bool stands_free(const render::Captured& captured, const Camera& camera) const override;

@@ -85,8 +85,6 @@ def neighbours(stage: Stage) -> Iterator[Figure]:
     tree = stage.tree
     if tree.depth == 0:
         raise NotApplicable("a hierarchy of one level has no neighbours of different levels")
-    if tree.is_chain:
-        raise NotApplicable("a chain of levels has one node a level: it has no neighbours")
     spots, ways = [], set()
     for _, _, point, way in tree.edges():
         if not stage.short or tuple(way) not in ways:
@@ -107,8 +105,6 @@ def corners(stage: Stage) -> Iterator[Figure]:
     tree = stage.tree
     if tree.depth < 2:
         raise NotApplicable("a hierarchy of fewer than three levels has no corner where three of them meet")
-    if tree.is_chain:
-        raise NotApplicable("a chain of levels has one node a level: it has no corners")
     inset = 1e-3 * tree.leaf_side()
     sides = [np.array(s, dtype=float) for s in itertools.product((-1.0, 1.0), repeat=2)]
     cases = []

@@ -110,11 +110,6 @@ class Tree:
 
     # ---- spots
 
-    @property
-    def is_chain(self) -> bool:
-        """Whether no level has two nodes."""
-        return len(np.unique(self.level)) == len(self.ids)
-
     def edges(self) -> Iterator[tuple[int, int, np.ndarray, np.ndarray]]:
         """(a, b, point, direction): coarsest neighbours, a point of their common edge, the way from b into a.
 

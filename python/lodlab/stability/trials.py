@@ -186,8 +186,6 @@ def _value(option: Mapping[str, Any], random: np.random.Generator) -> Any:
         return bool(random.random() < 0.5)
     if option["type"] == "choice":
         return str(_pick(random, option["choices"]))
-    if option["type"] == "meshes":
-        return _pick(random, (option["default"],) * 5 + ("icosphere:level=1;torus:rings=8,sides=5", "no such thing"))
     if option["type"] == "string":  # free text: some of it is a number, some a file that is not there
         return _pick(random, (option["default"], option["default"], "1", "50", "1e-9", "0", "no such thing"))
     if option["type"] == "meshes":  # balls beside whatever the source is
