@@ -115,8 +115,9 @@ class PatchSession : public FamilySession {
   }
 
  protected:
-  void begin(render::Pass&) override {
+  void begin(render::Pass& pass) override {
     if (!surface_) upload();
+    pass.use(*program_, *surface_, {});  // tells whether it is a capture
   }
   void draw_node(uint32_t node, int resolution, render::Pass& pass) override {
     const size_t patch = node * kResolutions + static_cast<size_t>(resolution);
@@ -132,12 +133,14 @@ class PatchSession : public FamilySession {
  private:
   void upload() {
     surface_ = render::make_surface(hierarchy_->frame.box);
+    program_.reset(new render::SurfaceProgram({{"vertex", "common/mesh.vert"}}));
     for (const StoredMesh& patch : hierarchy_->patches)
       memory_.push_back(patch.indices.empty() ? nullptr : std::make_unique<MeshMemory>(std::vector{patch}));
   }
 
   std::shared_ptr<const PatchHierarchy> hierarchy_;
   std::shared_ptr<const render::Surface> surface_;
+  std::unique_ptr<render::SurfaceProgram> program_;
   std::vector<std::unique_ptr<MeshMemory>> memory_;
 };
 
