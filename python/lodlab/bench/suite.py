@@ -33,11 +33,11 @@ from .measuring import accuracy, measure_frames
 
 BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
     "draw": (draw, multigrain.draw, meshes.draw),
-    "select": (select, multigrain.select),
+    "select": (select, multigrain.select, meshes.select),
     "build": (build, multigrain.build, meshes.build),
     "memory": (memory, windowed.memory),
     "measure": (measure_frames, meshes.measure),
-    "accuracy": (accuracy, multigrain.accuracy),
+    "accuracy": (accuracy, multigrain.accuracy, meshes.accuracy),
     "cuts": (multigrain.cuts,),
     "demo": (demo,),
 }
