@@ -161,13 +161,15 @@ WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre) {
 WeldedMesh unmatched_edges(const WeldedMesh& mesh) {
   const MeshEdges edges = mesh_edges(mesh.faces, static_cast<int64_t>(mesh.positions.size()));
   WeldedMesh out;
-  out.positions = mesh.positions;
   for (int64_t e = 0; e < edges.count(); ++e) {
     const std::span<const uint32_t> sides = edges.of(e);
     const auto start = [&](uint32_t side) { return vertex_of(mesh.faces, side); };
     const uint32_t from = start(sides[0]), to = start(side_end(sides[0]));
     if (sides.size() == 2 && start(sides[1]) == to) continue;
-    out.faces.push_back({std::min(from, to), std::max(from, to), std::max(from, to)});
+    const auto first = static_cast<uint32_t>(out.positions.size());
+    out.positions.push_back(mesh.positions[std::min(from, to)]);
+    out.positions.push_back(mesh.positions[std::max(from, to)]);
+    out.faces.push_back({first, first + 1, first + 1});
   }
   return out;
 }

@@ -36,7 +36,7 @@ struct WeldedMesh {
 WeldedMesh weld(std::span<const Triangle> triangles, const glm::dvec3& centre);
 
 /// The edges of a mesh that are not there once in each direction, but for those of triangles that are
-/// segments; as triangles that are segments.
+/// segments; as triangles that are segments. Other vertices are left out: they lie far from any border.
 WeldedMesh unmatched_edges(const WeldedMesh& mesh);
 
 inline constexpr uint32_t kNoTriangle = std::numeric_limits<uint32_t>::max();

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,23 @@ def test_every_level_keeps_a_bound_that_is_tight(spec: str, tmp_path: Path) -> N
     assert 256 <= nodes["triangles"][0] < 600
     found = audit(store, progress=False)
     assert len(found.broken) == 0 and found.tightness < 1.01
+
+
+def test_bounds_of_an_open_mesh_are_small_where_its_border_stays(tmp_path: Path) -> None:
+    ball = lod.datasets.load("icosphere:level=4")
+    bowl = lod.Mesh(ball.positions, ball.faces[ball.positions[ball.faces].mean(axis=1)[:, 2] < 0.3])
+    store = _build(bowl, tmp_path)
+    assert bowl.census["boundary_edges"] > 0 and (store.nodes["error"] < 0.05 * bowl.extent).all()
+    assert len(audit(store, progress=False).broken) == 0
+
+
+def test_where_a_scan_is_pinched_no_fin_is_left(tmp_path: Path, shared_data: Callable[[str], Path]) -> None:
+    """Two triangles back to back: the edge at their root has four, which is a border far from the scan's own."""
+    store = _build(str(shared_data("mesh/bunny_stanford_holes.ply")), tmp_path)
+    assert (store.nodes["error"] < 0.05 * store.source.extent).all()
+    for level in store.nodes["id"][:-1]:
+        made = lod.Mesh(store.cut([int(level)]).to_trimesh(lod.View((0, 0, 1), (0, 0.1, 0))))
+        assert (made.census["nonmanifold_edges"], made.census["duplicate_triangles"]) == (0, 0)
 
 
 def test_components_have_chains_of_their_own_and_small_ones_share_one(tmp_path: Path) -> None:

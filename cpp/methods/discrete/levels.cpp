@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <tuple>
 
 #include "base/parallel.h"
 #include "geometry/mesh_edges.h"
@@ -31,6 +32,42 @@ std::vector<glm::vec3> in_floats(const Mesh& mesh, const HeightField* field) {
     if (relief > kFlatRelief) scale.z *= kFlatRelief / relief;
   }
   for (size_t i = 0; i < out.size(); ++i) out[i] = scale * (mesh.positions[i] - centre);
+  return out;
+}
+
+/// Triangles less those back to back: pairs of the same three vertices in opposite senses. Where a collapse
+/// pinches a surface it leaves such fins, and at their root an edge of four triangles.
+std::vector<uint32_t> without_fins(const std::vector<uint32_t>& indices, const std::vector<uint32_t>& at) {
+  struct Sense {
+    Face vertices;  ///< in order
+    bool even;      ///< whether the order is the triangle's own, turned round
+    size_t triangle;
+  };
+  std::vector<Sense> sorted(indices.size() / 3);
+  for (size_t t = 0; t < sorted.size(); ++t) {
+    const Face f{at[indices[3 * t]], at[indices[3 * t + 1]], at[indices[3 * t + 2]]};
+    Face vertices = f;
+    std::sort(vertices.begin(), vertices.end());
+    const auto least = static_cast<size_t>(std::min_element(f.begin(), f.end()) - f.begin());
+    sorted[t] = {vertices, f[(least + 1) % 3] == vertices[1], t};
+  }
+  std::sort(sorted.begin(), sorted.end(), [](const Sense& a, const Sense& b) {
+    return std::tie(a.vertices, a.even, a.triangle) < std::tie(b.vertices, b.even, b.triangle);
+  });
+  std::vector<uint8_t> gone(sorted.size(), 0);
+  for (size_t first = 0; first < sorted.size();) {
+    size_t even = first;
+    while (even < sorted.size() && sorted[even].vertices == sorted[first].vertices && !sorted[even].even)
+      ++even;
+    size_t end = even;
+    while (end < sorted.size() && sorted[end].vertices == sorted[first].vertices) ++end;
+    for (size_t k = 0; k < std::min(even - first, end - even); ++k)
+      gone[sorted[first + k].triangle] = gone[sorted[even + k].triangle] = 1;
+    first = end;
+  }
+  std::vector<uint32_t> out;
+  for (size_t i = 0; i < indices.size(); ++i)
+    if (gone[i / 3] == 0) out.push_back(indices[i]);
   return out;
 }
 
@@ -75,6 +112,9 @@ std::vector<uint32_t> in_order(const Mesh& mesh) {
 std::vector<std::vector<uint32_t>> halved(const Mesh& mesh, const HeightField* field) {
   const std::vector<glm::vec3> positions = in_floats(mesh, field);
   std::vector<std::vector<uint32_t>> levels{in_order(mesh)};
+  const std::vector<uint32_t> at = first_at_position(mesh.positions);
+  // Not of a source that has both sides itself.
+  const bool pinches = field == nullptr && without_fins(levels[0], at).size() == levels[0].size();
   while (static_cast<int64_t>(levels.back().size() / 3) >= 2 * kFewTriangles) {
     const std::vector<uint32_t>& from = levels.back();
     std::vector<uint32_t> to(from.size());
@@ -82,6 +122,7 @@ std::vector<std::vector<uint32_t>> halved(const Mesh& mesh, const HeightField* f
                                sizeof(glm::vec3), from.size() / 6 * 3, std::numeric_limits<float>::max(), 0,
                                nullptr));
     if (field != nullptr) to = unfolded(std::move(to), *field);
+    if (pinches) to = without_fins(to, at);
     if (to.empty() || static_cast<double>(to.size()) > kStuck * static_cast<double>(from.size())) break;
     levels.push_back(std::move(to));
   }
