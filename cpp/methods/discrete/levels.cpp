@@ -117,12 +117,16 @@ std::vector<std::vector<uint32_t>> halved(const Mesh& mesh, const HeightField* f
   const bool pinches = field == nullptr && without_fins(levels[0], at).size() == levels[0].size();
   while (static_cast<int64_t>(levels.back().size() / 3) >= 2 * kFewTriangles) {
     const std::vector<uint32_t>& from = levels.back();
-    std::vector<uint32_t> to(from.size());
-    to.resize(meshopt_simplify(to.data(), from.data(), from.size(), &positions.data()->x, positions.size(),
-                               sizeof(glm::vec3), from.size() / 6 * 3, std::numeric_limits<float>::max(), 0,
-                               nullptr));
-    if (field != nullptr) to = unfolded(std::move(to), *field);
-    if (pinches) to = without_fins(to, at);
+    const auto simplified = [&](unsigned options) {
+      std::vector<uint32_t> to(from.size());
+      to.resize(meshopt_simplify(to.data(), from.data(), from.size(), &positions.data()->x, positions.size(),
+                                 sizeof(glm::vec3), from.size() / 6 * 3, std::numeric_limits<float>::max(),
+                                 options, nullptr));
+      if (field != nullptr) return unfolded(std::move(to), *field);
+      return pinches ? without_fins(to, at) : to;
+    };
+    std::vector<uint32_t> to = simplified(0);
+    if (to.empty() && field != nullptr) to = simplified(meshopt_SimplifyLockBorder);  // a corner had gone
     if (to.empty() || static_cast<double>(to.size()) > kStuck * static_cast<double>(from.size())) break;
     levels.push_back(std::move(to));
   }
