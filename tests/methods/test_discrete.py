@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import lodlab as lod
+from lodlab import _core
 from lodlab.instrument.audit import audit
+from lodlab.stability import trials
 
 
 def _build(source: object, folder: Path, **options: object) -> lod.Store:
@@ -166,6 +168,35 @@ def test_terrain_is_covered_upright_and_bounded(tmp_path: Path) -> None:
         area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         assert (area > 0).all() and area.sum() == 2 * 69 * 92  # upright, and no place twice
     assert len(audit(store, progress=False).broken) == 0
+
+
+STEPS = {
+    "rows": 129,
+    "cols": 91,
+    "shape": "cliff",
+    "seed": 1,
+    "height": 0.017772379289860876,
+    "base": -400.0,
+    "voids": None,
+}
+NOISE = {"rows": 53, "cols": 48, "shape": "noise", "seed": 434666821, "height": 1.0, "base": 0.0, "voids": "islands"}
+
+
+@pytest.mark.parametrize("recipe", [STEPS, NOISE])
+def test_where_sheets_touch_and_where_a_corner_is_void_terrain_has_no_crack(recipe: dict, tmp_path: Path) -> None:
+    field = trials.make_source(recipe | {"spacing": [100.0, 100.0], "origin": [0.0, 0.0]})
+    store = _build(field, tmp_path)
+    session, instrument = store.default_session.core, _core.Instrument(field.core, None)
+    view = lod.View([0.0, -900.0, 9000.0], [500.0, -1000.0, 0.0], size=(64, 64))
+    for cut in session.audit_cuts():
+        found = instrument.examine(session, cut, view, pictures=False)
+        assert (found.crack_edges, found.hole_samples, found.inverted_triangles) == (0, 0, 0)
+
+
+def test_levels_go_all_the_way_down_on_large_terrain(tmp_path: Path) -> None:
+    store = _build(lod.datasets.load("fractal:size=1025,seed=9"), tmp_path)
+    counts = np.sort(store.nodes["triangles"])
+    assert counts[0] < 600 and (counts[1:] < 2.1 * counts[:-1]).all()
 
 
 def test_a_tin_flies_over_terrain_and_one_that_leaves_a_sample_out_is_refused(tmp_path: Path) -> None:
