@@ -99,17 +99,16 @@ def test_benches_of_meshes_make_their_records(tmp_path, monkeypatch):
     monkeypatch.setenv("LODLAB_DATA", str(tmp_path))
     monkeypatch.setattr(meshes, "FILES", {"ball": "ball.off", "cube": "cube.off"})
     monkeypatch.setattr(lab, "SIZE", (160, 90))
-    for cases in ("DRAWN", "MEASURED", "BUILT", "SELECTED", "PROMISED"):
+    for cases in ("DRAWN", "MEASURED", "BUILT", "PROMISED"):
         monkeypatch.setattr(meshes, cases, (("full", "ball"), ("full", "cube")))
     shared = lab.Lab(tmp_path, lambda text: None)
-    benches = (meshes.draw, meshes.measure, meshes.select, meshes.build, meshes.accuracy)
+    benches = (meshes.draw, meshes.measure, meshes.build, meshes.accuracy)
     made = [one for bench in benches for one in bench(shared)]
-    assert [(r["bench"], r["case"]) for r in made[:5]] == [
-        ("draw", "full/ball"), ("draw", "full/ball/discard"), ("measure", "full/ball"), ("select", "full/ball"),
-        ("build", "full/ball"),
+    assert [(r["bench"], r["case"]) for r in made[:4]] == [
+        ("draw", "full/ball"), ("draw", "full/ball/discard"), ("measure", "full/ball"), ("build", "full/ball")
     ]  # fmt: skip
-    assert all(r["value"] > 0.0 for r in made) and made[4]["unit"] == "faces/s"
-    assert [r["case"] for r in made[5:]] == [f"full/ball/{p}px" for p in ("0.5", "1", "2", "4", "8")]
+    assert all(r["value"] > 0.0 for r in made) and made[3]["unit"] == "faces/s"
+    assert [r["case"] for r in made[4:]] == [f"full/ball/{p}px" for p in ("0.5", "1", "2", "4", "8")]
 
 
 def test_a_bar_without_a_limit_is_refused(tmp_path):

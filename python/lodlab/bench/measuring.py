@@ -161,7 +161,7 @@ def accuracy_cases(lab: Lab, case: str, spec: str, method: str, draw: dict[str, 
             "px",
             reference="predicted_px",
             reference_value=predicted,
-            ratio=measured / predicted if predicted > 0 else math.nan,
+            ratio=measured / predicted if predicted > _core.SLACK_PIXELS else math.nan,
             device=device(),
             options=options_of(store, draw),
             details={

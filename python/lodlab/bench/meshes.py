@@ -6,19 +6,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from .. import _core
 from ..instrument.metrics import BASELINE
 from ..stores.methods import still
-from .lab import Building, Lab, Record, build_case, draw_cases, select_case
+from .lab import Building, Lab, Record, build_case, draw_cases
 from .measuring import accuracy_cases, measure_case
 
 FILES = {"armadillo": "armadillo.off", "dragon": "dragon_vrip.ply.gz"}
 DRAWN = (("full", "armadillo"), ("full", "dragon"), ("discrete", "dragon"))
 MEASURED = (("full", "armadillo"), ("discrete", "armadillo"))
 BUILT = (("full", "dragon"), ("discrete", "dragon"))
-SELECTED = (("discrete", "dragon"),)
 PROMISED = (("discrete", "armadillo"),)
 
 
@@ -53,23 +50,6 @@ def build(lab: Lab) -> Iterable[Record]:
 
         plain = None if method == BASELINE else Building(lab, source, BASELINE, {})
         yield build_case(case, len(mesh.faces), "faces", Building(lab, source, method, {}), "full", plain)
-
-
-def select(lab: Lab) -> Iterable[Record]:
-    """Microseconds of one select at 1 px along the orbit of a mesh, beside a plain scan over all nodes."""
-    for method, name in SELECTED:
-        spec, case = FILES[name], f"{method}/{name}"
-        if not lab.lacks(spec, f"select {case}"):
-            store, options = lab.store(spec, method), still(method, {})
-            lab.say(f"select {case}")
-            yield select_case(
-                case, store.session(options), store, lab.views(spec, 120), _core.Budget(pixel_error=1.0),
-                "test of every node without a hierarchy", 1.0, options, _drawn_nodes,
-            )  # fmt: skip
-
-
-def _drawn_nodes(times: np.ndarray, nodes: np.ndarray) -> dict[str, Any]:
-    return {"nodes_drawn": float(np.median(nodes)), "p95_us": float(np.percentile(times, 95))}
 
 
 def accuracy(lab: Lab) -> Iterable[Record]:

@@ -33,7 +33,7 @@ from .measuring import accuracy, measure_frames
 
 BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
     "draw": (draw, multigrain.draw, meshes.draw),
-    "select": (select, multigrain.select, meshes.select),
+    "select": (select, multigrain.select),
     "build": (build, multigrain.build, meshes.build),
     "memory": (memory, windowed.memory),
     "measure": (measure_frames, meshes.measure),
