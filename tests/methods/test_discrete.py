@@ -193,6 +193,13 @@ def test_where_sheets_touch_and_where_a_corner_is_void_terrain_has_no_crack(reci
         assert (found.crack_edges, found.hole_samples, found.inverted_triangles) == (0, 0, 0)
 
 
+def test_a_cliff_far_from_the_origin_keeps_its_bound(tmp_path: Path) -> None:
+    """What two floats leave of 6.4e6 m is 11 nm: times a slope of 190,000 it is 2 mm."""
+    recipe = STEPS | {"rows": 32, "cols": 20, "height": 1.0, "base": 0.0}
+    field = trials.make_source(recipe | {"spacing": [0.048, 0.0048], "origin": [-7e5, 6.4e6]})
+    assert len(audit(_build(field, tmp_path), progress=False).broken) == 0
+
+
 def test_levels_go_all_the_way_down_on_large_terrain(tmp_path: Path) -> None:
     store = _build(lod.datasets.load("fractal:size=1025,seed=9"), tmp_path)
     counts = np.sort(store.nodes["triangles"])

@@ -55,6 +55,20 @@ void measure_on_mesh(const std::shared_ptr<const Mesh>& part, Levels& levels,
   }
 }
 
+/// The same along the vertical: where a triangle is steep, what it is off to the side counts by its slope.
+double error_of_storing_upright(const Mesh& mesh, std::span<const uint32_t> indices) {
+  const double step = error_of_storing(mesh);
+  double most = 0.0;
+  for (size_t i = 0; i < indices.size() && step > 0.0; i += 3) {
+    const glm::dvec3 &a = mesh.positions[indices[i]], &b = mesh.positions[indices[i + 1]],
+                     &c = mesh.positions[indices[i + 2]];
+    const glm::dvec3 normal = glm::cross(b - a, c - a);
+    const double range = std::max({a.z, b.z, c.z}) - std::min({a.z, b.z, c.z});
+    most = std::max(most, std::min(range, step * std::hypot(normal.x, normal.y) / std::abs(normal.z)));
+  }
+  return step + most;
+}
+
 void measure_on_field(const HeightField& field, Levels& levels, const std::function<void()>& done) {
   for (Level& level : levels) {
     const FieldBound found = field_bound(field, *level.mesh, level.indices);
@@ -65,7 +79,7 @@ void measure_on_field(const HeightField& field, Levels& levels, const std::funct
                          std::to_string(found.first_uncovered / field.cols) + ", column " +
                          std::to_string(found.first_uncovered % field.cols));
     }
-    level.error = found.error + error_of_storing(*level.mesh);
+    level.error = found.error + error_of_storing_upright(*level.mesh, level.indices);
     done();
   }
 }
