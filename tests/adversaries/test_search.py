@@ -39,14 +39,14 @@ def test_what_is_wrong_with_a_mesh_is_seen(tmp_path: Path, method: str) -> None:
 
 def test_nothing_is_found_in_the_honest(tmp_path: Path) -> None:
     played = 0
-    for index in range(30):
+    for index in range(20):
         trial = draw_trial("honest", 0, index)
         if "mesh" not in trial.source:
             continue
         found = search.play(trial, tmp_path / str(index))
         assert found.broken == [], trial.name
         played += 1
-    assert played > 8
+    assert played >= 5
 
 
 def test_views_of_meshes_lie_where_their_name_says() -> None:
