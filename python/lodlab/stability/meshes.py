@@ -92,6 +92,9 @@ MADE: dict[str, Callable[[], Arrays]] = {
     "mesh:open": lambda: bowl(3),
     "mesh:genus 1": lambda: _of(shapes.torus(**TORUS)),
     "mesh:two components": lambda: joined(_of(shapes.icosphere(2)), moved(_of(shapes.torus(16, 8)), [0.4, 0.2, 0.9])),
+    "mesh:two with many levels": lambda: joined(
+        _of(shapes.icosphere(4)), moved(_of(shapes.torus(64, 32)), [0.4, 0.2, 0.9])
+    ),
     "mesh:slivers": lambda: needles(60),
     "mesh:one triangle": lambda: TRIANGLE,
     "mesh:tetrahedron": lambda: TETRAHEDRON,

@@ -7,7 +7,7 @@ from . import extremes, fields, meshes, motion, structure, workers
 from .stage import Scene
 
 _HOME = ("jacksboro",)
-_MESH = ("mesh:two components",)
+_MESH = ("mesh:two with many levels",)
 _MESHES = ("mesh:fractal", *_MESH)
 _REAL = (*_HOME, fields.RAINIER, "fractal:size=1025")
 _AROUND = (*_REAL, *_MESHES)
@@ -18,7 +18,7 @@ _STEEP = (*_HOME, "cliff")
 _ROUND = (*_HOME, "planet:2-degrees")
 _LARGE = ("fractal:size=2049",)
 _VOIDS = tuple(name for name in fields.MADE if name.startswith("voids:"))
-_ANY_MESH = tuple(name for name in meshes.MADE if name != "mesh:fine")
+_ANY_MESH = tuple(name for name in meshes.MADE if name not in ("mesh:fine", *_MESH))
 _SIZES = (*(name for name in fields.MADE if name.startswith("size:")), "flat", "spike", "cliff")
 
 SCENES: tuple[Scene, ...] = (
