@@ -16,7 +16,7 @@ from .detectors import accepting
 #: By kind of source: the scenes, what they are played on, and what cracks, walls and spurs are made of, source units.
 PLAYED = {
     "heightfield": (("s01", "s05", "s10", "s12", "s15"), "fractal:size=129,seed=3", 20.0),  # node 27 must be whole
-    "mesh": (("s01", "s05", "s10", "s15", "s16"), "mesh:two with many levels", 0.5),
+    "mesh": (("s01", "s05", "s10", "s15", "s16"), "mesh:two components", 0.5),
 }
 HONEST = ("honest", "computed")
 ALL = [(kind, method) for kind in PLAYED for method in accepting(kind)]
