@@ -3,15 +3,17 @@
 // when its turn comes. What was refused waits until something beside it has changed.
 #include "methods/subdivision/control_mesh.h"
 
+#include <meshoptimizer.h>
+
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <limits>
 
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/mesh_census.h"
 #include "geometry/mesh_repair.h"
+#include "methods/subdivision/collapse_queue.h"
 #include "methods/subdivision/connectivity.h"
 #include "methods/subdivision/gathered_normals.h"
 #include "methods/subdivision/quadric.h"
@@ -28,31 +30,6 @@ constexpr double kThinnest = 0.05;
 constexpr double kNoShape = 1e-9;
 constexpr float kNotWaiting = -1.0f, kRefused = -2.0f;
 constexpr size_t kTellEvery = 1 << 13;
-
-/// A priority queue that is exact to 3 %: 32 buckets for each power of two.
-class Queue {
- public:
-  struct Entry {
-    float cost;  ///< not negative
-    uint32_t side;
-  };
-  void push(const Entry& entry) {
-    const size_t bucket = std::bit_cast<uint32_t>(entry.cost) >> 18;
-    buckets_[bucket].push_back(entry);
-    least_ = std::min(least_, bucket);
-  }
-  bool pop(Entry& out) {
-    while (least_ < buckets_.size() && buckets_[least_].empty()) ++least_;
-    if (least_ == buckets_.size()) return false;
-    out = buckets_[least_].back();
-    buckets_[least_].pop_back();
-    return true;
-  }
-
- private:
-  std::vector<std::vector<Entry>> buckets_ = std::vector<std::vector<Entry>>(1 << 13);
-  size_t least_ = 0;
-};
 
 /// What is collapsed: every vertex is of a triangle, no triangle names one twice.
 struct Surface {
@@ -105,7 +82,7 @@ class Collapser {
     for (size_t tried = 1; left_ > target; ++tried) {
       if (tried % kTellEvery == 0 && progress)
         progress("collapse", static_cast<double>(start - left_) / static_cast<double>(start - target));
-      Queue::Entry entry;
+      CollapseQueue::Entry entry;
       if (!queue_.pop(entry)) {
         if (!look_again()) return false;
         continue;
@@ -313,16 +290,32 @@ class Collapser {
   size_t left_;
   std::vector<Quadric> quadrics_;
   std::vector<float> waiting_;  ///< each side's cost in the queue; an edge waits by one of its sides
-  Queue queue_;
+  CollapseQueue queue_;
 };
+
+double scale_of(const Mesh& source) {
+  return 1.0 / std::max(source.extent(), std::numeric_limits<double>::min());
+}
+
+/// The triangles of a source so that neighbours in the list, and vertices numbered along it, lie near one
+/// another: a fifth less time on scans.
+std::vector<Face> in_order(const Mesh& source) {
+  std::vector<glm::vec3> positions(source.positions.size());
+  for (size_t v = 0; v < positions.size(); ++v)
+    positions[v] = scale_of(source) * (source.positions[v] - source.box.center());
+  std::vector<Face> out(source.faces.size());
+  meshopt_spatialSortTriangles(out.data()->data(), source.faces.data()->data(), 3 * out.size(),
+                               &positions.data()->x, positions.size(), sizeof(glm::vec3));
+  return out;
+}
 
 /// The triangles of a source by the given names of its vertices, those that name one twice left out; vertices
 /// are numbered as they are used. `name`: becomes the number.
-Surface surface_of(const Mesh& source, std::vector<uint32_t>& name) {
+Surface surface_of(const Mesh& source, std::span<const Face> faces, std::vector<uint32_t>& name) {
   Surface out;
   std::vector<uint32_t> number(name.size(), kNone);
-  const double scale = 1.0 / std::max(source.extent(), std::numeric_limits<double>::min());
-  for (Face face : source.faces) {
+  const double scale = scale_of(source);
+  for (Face face : faces) {
     for (uint32_t& v : face) v = name[v];
     if (collapsed(face)) continue;
     for (uint32_t& v : face) {
@@ -371,7 +364,8 @@ ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progres
                        " control faces; it must be at least 1");
   const std::vector<uint32_t> first = first_at_position(source.positions);
   std::vector<uint32_t> name = first;
-  Surface surface = surface_of(source, name);
+  const std::vector<Face> faces = in_order(source);
+  Surface surface = surface_of(source, faces, name);
   if (surface.faces.empty())
     throw InvalidInput("subdivision: none of " + std::to_string(source.triangles()) +
                        " triangles has corners at three positions");
@@ -380,7 +374,7 @@ ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progres
     const Surface welded = surface;
     if (!is_split(source, first)) refuse(welded);
     for (uint32_t v = 0; v < name.size(); ++v) name[v] = v;
-    surface = surface_of(source, name);
+    surface = surface_of(source, faces, name);
     mesh = Connectivity(surface.faces, static_cast<int64_t>(surface.positions.size()));
     if (!mesh.manifold()) refuse(welded);
   }

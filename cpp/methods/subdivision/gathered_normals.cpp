@@ -9,6 +9,8 @@
 namespace lodlab::subdivision {
 namespace {
 
+/// Cosine: where the mean of a source vertex's normals is as near to all, no better axis is sought.
+constexpr double kNarrow = 0.8;
 constexpr size_t kMostPasses = 12;  ///< over all normals, in search of an axis
 constexpr int kCoreSteps = 48;      ///< towards the middle of those found to be farthest
 
@@ -61,7 +63,8 @@ GatheredNormals::GatheredNormals(std::span<const Face> faces, std::vector<glm::d
       NormalCone& cone = cones_[v];
       const double length = glm::length(sum);
       cone.axis = length > 1e-9 ? sum / length : glm::dvec3(0.0, 0.0, 1.0);
-      const double cosine = best_axis(cone.axis, v, kEnd, {}, 1.0);
+      double cosine = lowest(cone.axis, v, kEnd, {}).cosine;
+      if (cosine < kNarrow) cosine = best_axis(cone.axis, v, kEnd, {}, 1.0);
       cone.angle = std::acos(std::clamp(cosine, -1.0, 1.0)) + kConeRounding;
     }
   });
