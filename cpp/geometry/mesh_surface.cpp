@@ -110,13 +110,61 @@ struct Bounded {
   double scale;
 };
 
+/// Where the line through a point cuts a triangle whose normal runs along it, in lengths of the direction;
+/// nan where it does not. The volumes that tell change their sign alone when an edge is run the other way.
+double crossing(const Triangle& t, const glm::dvec3& origin, const glm::dvec3& direction) {
+  const glm::dvec3 a = t[0] - origin, b = t[1] - origin, c = t[2] - origin;
+  const double u = glm::dot(direction, glm::cross(b, c)), v = glm::dot(direction, glm::cross(c, a)),
+               w = glm::dot(direction, glm::cross(a, b)), sum = u + v + w;
+  if (!(u >= 0.0 && v >= 0.0 && w >= 0.0 && sum > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+  return glm::dot((u * a + v * b + w * c) / sum, direction) / glm::dot(direction, direction);
+}
+
+#if RTC_VERSION_MAJOR >= 4
+using RayContext = RTCRayQueryContext;
+#else
+using RayContext = RTCIntersectContext;
+#endif
+
+/// A line, of which Embree follows one half at a time.
+struct Line {
+  RayContext context;  ///< the first member: Embree hands it back
+  glm::dvec3 origin, direction;
+  double reach;
+  Crossing found{};
+
+  void consider(const Triangle& triangle, uint32_t index) {
+    const double along = crossing(triangle, origin, direction);
+    if (!(std::abs(along) <= reach)) return;
+    const bool first = found.triangle == kNoTriangle || std::abs(along) < std::abs(found.along);
+    const bool tie = !first && std::abs(along) == std::abs(found.along) &&
+                     (along > found.along || (along == found.along && index < found.triangle));
+    if (!first && !tie) return;
+    found = {along, index};
+    reach = std::abs(along);
+  }
+};
+
+void cut(const RTCIntersectFunctionNArguments* arguments) {
+  if (arguments->valid[0] == 0) return;
+  auto& line = *reinterpret_cast<Line*>(arguments->context);
+  const auto& bounded = *static_cast<const Bounded*>(arguments->geometryUserPtr);
+  const double before = line.reach;
+  line.consider(bounded.mesh.triangle(arguments->primID), arguments->primID);
+  if (!(line.reach < before)) return;
+  RTCRayN* const ray = RTCRayHitN_RayN(arguments->rayhit, arguments->N);
+  const double length = bounded.scale * glm::length(line.direction) * line.reach;
+  RTCRayN_tfar(ray, arguments->N, 0) =
+      std::min(RTCRayN_tfar(ray, arguments->N, 0), static_cast<float>(length + kFloatSlack * (2.0 + length)));
+}
+
 void bound(const RTCBoundsFunctionArguments* arguments) {
   const auto& bounded = *static_cast<const Bounded*>(arguments->geometryUserPtr);
   Box box;
   for (const glm::dvec3& corner : bounded.mesh.triangle(arguments->primID)) box.add(bounded.scale * corner);
-  constexpr float kInfinite = std::numeric_limits<float>::infinity();
-  const auto down = [](double v) { return std::nextafter(static_cast<float>(v), -kInfinite); };
-  const auto up = [](double v) { return std::nextafter(static_cast<float>(v), kInfinite); };
+  // Wider than what a line's origin and its way are rounded by; for closest points one step would do.
+  const auto down = [](double v) { return static_cast<float>(v - kFloatSlack); };
+  const auto up = [](double v) { return static_cast<float>(v + kFloatSlack); };
   RTCBounds& out = *arguments->bounds_o;
   out.lower_x = down(box.lo.x), out.lower_y = down(box.lo.y), out.lower_z = down(box.lo.z);
   out.upper_x = up(box.hi.x), out.upper_y = up(box.hi.y), out.upper_z = up(box.hi.z);
@@ -189,10 +237,12 @@ struct MeshSurface::Scene {
   explicit Scene(const Bounded& of) : bounded(of) {
     if (device != nullptr) {
       scene = rtcNewScene(device);
+      rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
       const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
       rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(of.mesh.faces.size()));
       rtcSetGeometryUserData(geometry, &bounded);
       rtcSetGeometryBoundsFunction(geometry, &bound, nullptr);
+      rtcSetGeometryIntersectFunction(geometry, &cut);
       rtcCommitGeometry(geometry);
       rtcAttachGeometry(scene, geometry);
       rtcReleaseGeometry(geometry);
@@ -250,6 +300,39 @@ bool MeshSurface::any_within(const glm::dvec3& point, double distance,
   Looking looking{mesh_, point, distance, is};
   query(scene_->scene, scaled, padded(scale_ * distance, 1.0 + largest(scaled)), &look, &looking);
   return looking.found;
+}
+
+Crossing MeshSurface::closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction,
+                                       double reach) const {
+  if (scene_ == nullptr) return {};
+  Line line{{}, origin, direction, reach};
+#if RTC_VERSION_MAJOR >= 4
+  rtcInitRayQueryContext(&line.context);
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.context = &line.context;
+  const auto follow = [&](RTCRayHit& ray) { rtcIntersect1(scene_->scene, &ray, &arguments); };
+#else
+  rtcInitIntersectContext(&line.context);
+  const auto follow = [&](RTCRayHit& ray) { rtcIntersect1(scene_->scene, &line.context, &ray); };
+#endif
+  const double size = glm::length(direction);
+  const glm::dvec3 at = scale_ * origin, ahead = direction / size;
+  for (const double way : {1.0, -1.0}) {
+    const double length = scale_ * size * line.reach;
+    RTCRayHit ray{};
+    ray.ray.org_x = static_cast<float>(at.x);
+    ray.ray.org_y = static_cast<float>(at.y);
+    ray.ray.org_z = static_cast<float>(at.z);
+    ray.ray.dir_x = static_cast<float>(way * ahead.x);
+    ray.ray.dir_y = static_cast<float>(way * ahead.y);
+    ray.ray.dir_z = static_cast<float>(way * ahead.z);
+    ray.ray.tfar = static_cast<float>(length + kFloatSlack * (2.0 + length));
+    ray.ray.mask = ~0u;
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    follow(ray);
+  }
+  return line.found;
 }
 
 }  // namespace lodlab

@@ -4,6 +4,8 @@
 // what it sees is scaled to size 1 by a power of two, boxes are rounded outwards, and the search radius is
 // wider than the best distance by more than its rounding can be. So no closest triangle is lost, and since of
 // equally close triangles the one of smallest index counts, results depend on neither hierarchy nor threads.
+// Lines are cut with triangles in double likewise, by signs that both sides of an edge compute alike: none
+// slips through between two triangles.
 #pragma once
 
 #include <array>
@@ -51,6 +53,12 @@ struct Closest {
 /// inside is then left out: it is closer than its edges by less than this share of its size.
 inline constexpr double kFlattest = 1e-8;
 
+/// Where a line cuts a triangle.
+struct Crossing {
+  double along = 0.0;  ///< from the origin, in lengths of the direction
+  uint32_t triangle = kNoTriangle;
+};
+
 /// The closest point of one triangle, which may be a segment or a point. Exactly 0 at its corners.
 Closest closest_on_triangle(const Triangle& triangle, const glm::dvec3& point);
 
@@ -75,6 +83,11 @@ class MeshSurface {
   /// Whether one of the triangles within a distance is as asked.
   bool any_within(const glm::dvec3& point, double distance,
                   const std::function<bool(uint32_t triangle)>& is) const;
+
+  /// Of the triangles that a line cuts within `reach` lengths of `direction` (finite, not 0) either way, and
+  /// whose normal runs along it, the one that is cut closest to the origin, else none. Of several as close
+  /// the one ahead counts, and of those the one of smallest index. Triangles without area are not cut.
+  Crossing closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction, double reach) const;
 
  private:
   struct Scene;

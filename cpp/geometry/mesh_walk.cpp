@@ -14,6 +14,8 @@ namespace {
 /// Triangles that a piece may walk over.
 constexpr int kMostSteps = 24;
 
+constexpr int64_t kAnyParts = std::numeric_limits<int64_t>::max();
+
 /// Of so many triangles one has its first corner measured first, for a distance that most others do not
 /// exceed.
 constexpr int64_t kFirstOf = 16;
@@ -52,10 +54,62 @@ struct Tile {
   }
 };
 
-/// Where a walk is: on a triangle, and which it came from.
-struct Place {
-  uint32_t on = kNoTriangle, before = kNoTriangle;
+/// What stays the same during a walk.
+struct Walk {
+  const MeshSurface& to;
+  std::span<const uint32_t> across;
+  const Near& near;
+  std::vector<Triangle>& rest;
+  int64_t parts_left;
+
+  void go(const Triangle& piece, WalkPlace& place, int steps);
 };
+
+/// Cuts a piece along the edges of the triangle that it is on and walks on over them with what is past.
+void Walk::go(const Triangle& piece, WalkPlace& place, int steps) {
+  if (parts_left-- <= 0) return rest.push_back(piece);
+  const WalkPlace here = place;
+  const Tile tile(to.mesh().triangle(here.on));
+  if (tile.flat) return rest.push_back(piece);
+  const double near_here = near(here.on);
+  std::array<std::array<double, 3>, 3> beyond;
+  double most = 0.0;
+  size_t worst = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    const double squared = tile.squared(piece[k], beyond[k]);
+    if (!(squared <= most)) most = squared, worst = k;
+  }
+  if (most <= near_here * near_here) return;
+  double farthest = 0.0;
+  size_t side = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    const double far = beyond[worst][i] / glm::length(tile.out[i]);
+    if (far > farthest) farthest = far, side = i;
+  }
+  if (!(farthest > 0.0) || steps == 0) return rest.push_back(piece);
+  const WalkPlace next{across[3 * size_t{here.on} + side], here.on};
+  const bool stuck = next.on == kNoTriangle || next.on == here.before;
+  const auto on = [&](const Triangle& part, bool past) {
+    if (past && stuck) return rest.push_back(part);
+    place = past ? next : here;
+    go(part, place, steps - 1);
+  };
+  const auto past = [&](size_t k) { return beyond[k][side] > 0.0; };
+  const int count = past(0) + past(1) + past(2);
+  if (count == 3) return on(piece, true);
+  size_t lone = 0;
+  while (past(lone) != (count == 1)) ++lone;
+  const size_t p = (lone + 1) % 3, q = (lone + 2) % 3;
+  const auto crossing = [&](size_t end) {
+    return glm::mix(piece[lone], piece[end], beyond[lone][side] / (beyond[lone][side] - beyond[end][side]));
+  };
+  const glm::dvec3 at_p = crossing(p), at_q = crossing(q);
+  const bool tip_past = count == 1;
+  if (!tip_past) on({piece[lone], at_p, at_q}, false);
+  on({piece[p], at_q, at_p}, !tip_past);
+  on({piece[p], piece[q], at_q}, !tip_past);
+  if (tip_past) on({piece[lone], at_p, at_q}, true);
+}
 
 /// One thread's way over the target.
 struct Walker {
@@ -71,7 +125,6 @@ struct Walker {
   double settled() const {
     return std::max(attained * (1.0 + kMaxTolerance), attained + absolute) * (1.0 - 1e-12);
   }
-  void walk(const Triangle& piece, Place& place, int steps, std::vector<Triangle>& rest) const;
   void triangle(const Triangle& whole);
   void ask(const glm::dvec3& point) {
     const Closest closest = to.closest(point, last);
@@ -80,58 +133,13 @@ struct Walker {
   }
 };
 
-/// Cuts a piece along the edges of the triangle that it is on and walks on over them with what is past.
-/// Leaves in `rest` what that does not settle, and in `place` where the last part ended.
-void Walker::walk(const Triangle& piece, Place& place, int steps, std::vector<Triangle>& rest) const {
-  const Place here = place;
-  const Tile tile(to.mesh().triangle(here.on));
-  if (tile.flat) return rest.push_back(piece);
-  const double near = settled();
-  std::array<std::array<double, 3>, 3> beyond;
-  double most = 0.0;
-  size_t worst = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    const double squared = tile.squared(piece[k], beyond[k]);
-    if (!(squared <= most)) most = squared, worst = k;
-  }
-  if (most <= near * near) return;
-  double farthest = 0.0;
-  size_t side = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    const double far = beyond[worst][i] / glm::length(tile.out[i]);
-    if (far > farthest) farthest = far, side = i;
-  }
-  if (!(farthest > 0.0) || steps == 0) return rest.push_back(piece);
-  const Place next{across[3 * size_t{here.on} + side], here.on};
-  const bool stuck = next.on == kNoTriangle || next.on == here.before;
-  const auto go = [&](const Triangle& part, bool past) {
-    if (past && stuck) return rest.push_back(part);
-    place = past ? next : here;
-    walk(part, place, steps - 1, rest);
-  };
-  const auto past = [&](size_t k) { return beyond[k][side] > 0.0; };
-  const int count = past(0) + past(1) + past(2);
-  if (count == 3) return go(piece, true);
-  size_t lone = 0;
-  while (past(lone) != (count == 1)) ++lone;
-  const size_t p = (lone + 1) % 3, q = (lone + 2) % 3;
-  const auto crossing = [&](size_t end) {
-    return glm::mix(piece[lone], piece[end], beyond[lone][side] / (beyond[lone][side] - beyond[end][side]));
-  };
-  const glm::dvec3 at_p = crossing(p), at_q = crossing(q);
-  const bool tip_past = count == 1;
-  if (!tip_past) go({piece[lone], at_p, at_q}, false);
-  go({piece[p], at_q, at_p}, !tip_past);
-  go({piece[p], piece[q], at_q}, !tip_past);
-  if (tip_past) go({piece[lone], at_p, at_q}, true);
-}
-
 glm::dvec3 centre_of(const Triangle& t) { return (t[0] + t[1] + t[2]) / 3.0; }
 
 void Walker::triangle(const Triangle& whole) {
   const auto go = [&](const Triangle& piece, std::vector<Triangle>& left) {
-    Place place{last};
-    walk(piece, place, kMostSteps, left);
+    WalkPlace place{last};
+    const double near = settled();
+    walk_over(to, across, {{&near, 1}, kNoTriangle}, piece, place, kAnyParts, left);
     last = place.on;
   };
   if (last != kNoTriangle) {
@@ -174,6 +182,11 @@ std::vector<uint32_t> across_sides(const WeldedMesh& mesh) {
     out[sides[1]] = sides[0] / 3;
   }
   return out;
+}
+
+void walk_over(const MeshSurface& to, std::span<const uint32_t> across, const Near& near,
+               const Triangle& piece, WalkPlace& place, int64_t most_parts, std::vector<Triangle>& rest) {
+  Walk{to, across, near, rest, most_parts}.go(piece, place, kMostSteps);
 }
 
 double walked_distance(const WeldedMesh& from, const MeshSurface& to, std::span<const uint32_t> across,

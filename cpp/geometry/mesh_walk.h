@@ -22,4 +22,24 @@ std::vector<uint32_t> across_sides(const WeldedMesh& mesh);
 double walked_distance(const WeldedMesh& from, const MeshSurface& to, std::span<const uint32_t> across,
                        double extent, int64_t most_pieces, double at_least = 0.0);
 
+/// How near to a triangle of the target counts as settled: the target's triangles are in groups that follow
+/// one another, each with a distance.
+struct Near {
+  std::span<const double> of;
+  uint32_t in_a_group;
+
+  double operator()(uint32_t triangle) const { return of[triangle / in_a_group]; }
+};
+
+/// Where a walk is: on a triangle, and which it came from.
+struct WalkPlace {
+  uint32_t on = kNoTriangle, before = kNoTriangle;
+};
+
+/// Walks from the triangle at `place` on over the target's triangles, and leaves in `rest` the parts of a
+/// piece that are not settled on any of them, in `place` where the last part ended. Looks at no more than
+/// `most_parts`: round a vertex farther than what is near, parts may turn and be cut without end.
+void walk_over(const MeshSurface& to, std::span<const uint32_t> across, const Near& near,
+               const Triangle& piece, WalkPlace& place, int64_t most_parts, std::vector<Triangle>& rest);
+
 }  // namespace lodlab
