@@ -16,7 +16,7 @@ namespace {
 constexpr int64_t kGrain = 256;
 
 /// Cuts of a part that no walk settles, one within another, before its bound is left as it is.
-constexpr int kMostCuts = 4;
+constexpr int kMostCuts = 5;
 
 /// Parts that a walk looks at.
 constexpr int64_t kMostParts = 64;
@@ -45,35 +45,37 @@ class Covering {
       : to_(to), across_(across), near_(near), bound_(bound) {}
 
   /// `start`: a triangle of the surface that may be close.
-  void cover(const Triangle& triangle, uint32_t start) {
-    rest_.clear();
-    WalkPlace place{start};
-    walk_over(to_, across_, near_, triangle, place, kMostParts, rest_);
-    for (const Triangle& part : rest_) {
-      again_.clear();
-      place = {to_.closest(centre_of(part), place.on).triangle};
-      walk_over(to_, across_, near_, part, place, kMostParts, again_);
-      for (const Triangle& left : again_) cut(left, kMostCuts);
-    }
-  }
+  void cover(const Triangle& triangle, uint32_t start) { cover(triangle, start, kMostCuts); }
   static glm::dvec3 centre_of(const Triangle& t) { return (t[0] + t[1] + t[2]) / 3.0; }
 
  private:
-  void cut(const Triangle& part, int cuts) {
+  void cover(const Triangle& triangle, uint32_t start, int cuts) {
+    const size_t first = rest_.size();
+    WalkPlace place{start};
+    walk_over(to_, across_, near_, triangle, place, kMostParts, rest_);
+    while (rest_.size() > first) {
+      const Triangle part = rest_.back();
+      rest_.pop_back();
+      cut(part, place.on, cuts);
+    }
+  }
+
+  void cut(const Triangle& part, uint32_t hint, int cuts) {
     const glm::dvec3 centre = centre_of(part);
-    const Closest middle = to_.closest(centre);
+    const Closest middle = to_.closest(centre, hint);
     const Triangle closest = to_.mesh().triangle(middle.triangle);
     double radius = 0.0, farthest = 0.0;
     for (const glm::dvec3& corner : part) {
       radius = std::max(radius, glm::distance(centre, corner));
       farthest = std::max(farthest, closest_on_triangle(closest, corner).distance);
     }
-    const double upper = std::min(middle.distance + radius, farthest), near = near_(middle.triangle);
-    if (upper <= near) return;
+    const double upper = std::min(middle.distance + radius, farthest);
+    if (upper <= near_(middle.triangle)) return;
     double& bound = bound_[middle.triangle / near_.in_a_group];
     raise(bound, (1.0 + kSlack) * middle.distance);
     if (upper <= (1.0 + kSlack) * middle.distance) return;
     if (cuts == 0) return raise(bound, upper);
+    if (cuts == kMostCuts) return cover(part, middle.triangle, cuts - 1);
     size_t longest = 0;
     double length = -1.0;
     for (size_t k = 0; k < 3; ++k) {
@@ -82,15 +84,15 @@ class Covering {
     }
     const glm::dvec3 &p = part[longest], &q = part[(longest + 1) % 3], &tip = part[(longest + 2) % 3];
     const glm::dvec3 at = 0.5 * (p + q);
-    cut({tip, p, at}, cuts - 1);
-    cut({tip, at, q}, cuts - 1);
+    cover({tip, p, at}, middle.triangle, cuts - 1);
+    cover({tip, at, q}, middle.triangle, cuts - 1);
   }
 
   const MeshSurface& to_;
   std::span<const uint32_t> across_;
   const Near& near_;
   std::span<double> bound_;  ///< of each share, no less than what counts as near to it
-  std::vector<Triangle> rest_, again_;
+  std::vector<Triangle> rest_;
 };
 
 double near_of(double attained, double negligible) { return std::max((1.0 + kSlack) * attained, negligible); }
