@@ -86,7 +86,8 @@ class MeshSurface {
 
   /// Of the triangles that a line cuts within `reach` lengths of `direction` (finite, not 0) either way, and
   /// whose normal runs along it, the one that is cut closest to the origin, else none. Of several as close
-  /// the one ahead counts, and of those the one of smallest index. Triangles without area are not cut.
+  /// the one ahead counts, and of those the one of smallest index. Triangles without area are not cut. An
+  /// origin farther from the coordinates' zero than twice the farthest vertex may miss some: floats round it.
   Crossing closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction, double reach) const;
 
  private:
