@@ -213,7 +213,7 @@ def spawned_by(parent):
 
 def test_ctrl_c_keeps_what_was_finished(tmp_path):
     config = tmp_path / "config.toml"
-    config.write_text(toml.toml_text({**configs.freeze(CONFIG), "frames": 1500}))
+    config.write_text(toml.toml_text({**configs.freeze(CONFIG), "frames": 400}))
     out = tmp_path / "out"
     command = [sys.executable, "-m", "lodlab", "sweep", str(config), "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
