@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/errors.h"
+#include "method/hand_cut.h"
 #include "methods/chunked/session.h"
 
 namespace lodlab::chunked {
@@ -251,23 +252,10 @@ void ChunkedSession::request_children(const Claim& claim, const Projector& proje
 
 Cut ChunkedSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
   const std::vector<Node>& nodes = hierarchy_->node;
-  if (!resolutions.empty() && resolutions.size() != ids.size()) {
-    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " +
-                       std::to_string(ids.size()) + " nodes");
-  }
-  for (size_t i = 0; i < resolutions.size(); ++i) {
-    if (resolutions[i] != 0) {
-      throw InvalidInput("cut: resolution " + std::to_string(resolutions[i]) + " of node " +
-                         std::to_string(ids[i]) + ": a chunk has one, 0");
-    }
-  }
+  check_zeros(ids, resolutions, "a chunk");
   std::vector<uint8_t> chosen(nodes.size(), 0);
   for (const int64_t id : ids) {
-    if (id < 0 || id >= static_cast<int64_t>(nodes.size())) {
-      throw InvalidInput("cut: node " + std::to_string(id) + " is not within 0 to " +
-                         std::to_string(nodes.size() - 1));
-    }
-    if (chosen[static_cast<size_t>(id)]++)
+    if (chosen[checked_node(id, static_cast<int64_t>(nodes.size()))]++)
       throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
   }
   // Ids rise with depth: a node is covered when an ancestor is chosen.

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/errors.h"
+#include "method/hand_cut.h"
 #include "method/mesh_memory.h"
 #include "method/projector.h"
 #include "methods/discrete/discrete.h"
@@ -142,23 +143,11 @@ double DiscreteSession::optimum_px(const Request& request) const {
 
 Cut DiscreteSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
   const std::vector<Node>& nodes = hierarchy_->node;
-  if (!resolutions.empty() && resolutions.size() != ids.size()) {
-    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " +
-                       std::to_string(ids.size()) + " nodes");
-  }
-  for (size_t i = 0; i < resolutions.size(); ++i) {
-    if (resolutions[i] != 0) {
-      throw InvalidInput("cut: resolution " + std::to_string(resolutions[i]) + " of node " +
-                         std::to_string(ids[i]) + ": a level has one, 0");
-    }
-  }
+  check_zeros(ids, resolutions, "a level");
   std::vector<int64_t> of_chain(hierarchy_->chain.size(), -1);
   for (const int64_t id : ids) {
-    if (id < 0 || id >= static_cast<int64_t>(nodes.size())) {
-      throw InvalidInput("cut: node " + std::to_string(id) + " is not within 0 to " +
-                         std::to_string(nodes.size() - 1));
-    }
-    int64_t& there = of_chain[static_cast<size_t>(nodes[static_cast<size_t>(id)].chain)];
+    const size_t row = checked_node(id, static_cast<int64_t>(nodes.size()));
+    int64_t& there = of_chain[static_cast<size_t>(nodes[row].chain)];
     if (there == id) throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
     if (there >= 0) {
       throw InvalidInput("cut: nodes " + std::to_string(there) + " and " + std::to_string(id) +

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "base/errors.h"
+#include "method/hand_cut.h"
 #include "methods/multigrain/session.h"
 
 namespace lodlab::multigrain {
@@ -31,17 +32,10 @@ void check_covers(const Forest& forest, const std::vector<uint8_t>& chosen) {
 
 Cut MultigrainSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
   const Forest& forest = *forest_;
-  if (!resolutions.empty() && resolutions.size() != ids.size()) {
-    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " +
-                       std::to_string(ids.size()) + " nodes");
-  }
+  check_counts(ids, resolutions);
   std::vector<uint8_t> chosen(forest.node.size(), 0);  // its resolution, which is never 0
   for (size_t i = 0; i < ids.size(); ++i) {
-    if (ids[i] < 0 || ids[i] >= static_cast<int64_t>(chosen.size())) {
-      throw InvalidInput("cut: node " + std::to_string(ids[i]) + " is not within 0 to " +
-                         std::to_string(chosen.size() - 1));
-    }
-    const auto id = static_cast<size_t>(ids[i]);
+    const size_t id = checked_node(ids[i], static_cast<int64_t>(chosen.size()));
     if (chosen[id] != 0) throw InvalidInput("cut: node " + std::to_string(id) + " is given twice");
     const Node& node = forest.node[id];
     const int32_t k = resolutions.empty() ? node.most : resolutions[i];

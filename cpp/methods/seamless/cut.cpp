@@ -6,6 +6,7 @@
 #include <random>
 
 #include "base/errors.h"
+#include "method/hand_cut.h"
 #include "methods/seamless/selector.h"
 #include "methods/seamless/session.h"
 
@@ -123,18 +124,12 @@ void check_agree(const Layout& layout, const Cover& cover, const std::vector<int
 
 Cut SeamlessSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
   const Layout& layout = hierarchy_->layout;
-  if (!resolutions.empty() && resolutions.size() != ids.size()) {
-    throw InvalidInput("cut: " + std::to_string(resolutions.size()) + " resolutions for " +
-                       std::to_string(ids.size()) + " nodes");
-  }
+  check_counts(ids, resolutions);
   const int64_t patches = layout.patches();
   const int32_t count = packed_count(layout.resolutions);
   std::vector<std::pair<int64_t, int32_t>> given(ids.size());
   for (size_t i = 0; i < ids.size(); ++i) {
-    if (ids[i] < 0 || ids[i] >= patches) {
-      throw InvalidInput("cut: node " + std::to_string(ids[i]) + " is not within 0 to " +
-                         std::to_string(patches - 1));
-    }
+    checked_node(ids[i], patches);
     given[i] = {ids[i], resolutions.empty() ? 0 : resolutions[i]};
     if (given[i].second < 0 || given[i].second >= count) {
       throw InvalidInput("cut: resolution " + std::to_string(given[i].second) + " of node " +
