@@ -127,12 +127,7 @@ class Mesh(Source):
         """
         text = os.fspath(path)
         wanted = repairs_of(repair)
-        data = read_mesh(text)
-        try:
-            mesh = cls.made(data, title(text), os.path.abspath(text))
-            return mesh.repaired(wanted) if wanted else mesh
-        except InvalidInput as error:
-            raise InvalidInput(f"open {text}: {str(error).removeprefix('mesh: ')}") from None
+        return _opened(read_mesh(text), text, wanted)
 
     def repaired(self, repair: str | Iterable[str] = "all") -> Mesh:
         """This mesh with what is asked for mended; `used` lists it, counted. No vertex moves, and each keeps its colour
@@ -238,7 +233,16 @@ def levels_of_file(path: str) -> list[Mesh]:
     file by its name."""
     if format_of(path) is None:
         return []
-    return [Mesh.made(data, title(path), os.path.abspath(path)) for data in read_levels(path)]
+    return [_opened(data, path) for data in read_levels(path)]
+
+
+def _opened(data: MeshData, text: str, repairs: tuple[str, ...] = ()) -> Mesh:
+    """The mesh of what a file held; InvalidInput names the path."""
+    try:
+        mesh = Mesh.made(data, title(text), os.path.abspath(text))
+        return mesh.repaired(repairs) if repairs else mesh
+    except InvalidInput as error:
+        raise InvalidInput(f"open {text}: {str(error).removeprefix('mesh: ')}") from None
 
 
 def repairs_of(repair: str | Iterable[str] | None) -> tuple[str, ...]:

@@ -37,8 +37,7 @@ def _meshes(option: str, item: Any) -> list[Mesh]:
     if isinstance(item, (str, os.PathLike)):
         text = os.fspath(item)
         file = find_file(text)
-        levels = levels_of_file(file) if file is not None else []
-        if len(levels) > 1:
+        if file is not None and (levels := levels_of_file(file)):
             return levels
         item = text
     if isinstance(item, tuple):
