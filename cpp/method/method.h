@@ -17,6 +17,7 @@
 #include "base/options.h"
 #include "base/progress.h"
 #include "geometry/bounds.h"
+#include "geometry/mesh.h"
 #include "geometry/source.h"
 #include "geometry/view.h"
 #include "render/pass.h"
@@ -66,6 +67,15 @@ struct Pose {
   std::vector<glm::dvec3> control;
 };
 
+/// Where a source goes when the control points of a store that was built from it are moved.
+class Carrier {
+ public:
+  virtual ~Carrier() = default;
+  /// The source as the pose deforms it, vertex by vertex. InvalidInput for another number of control points,
+  /// and for a pose that takes a vertex beyond kFarthestVertex.
+  virtual std::shared_ptr<const Mesh> carry(const Pose& pose) const = 0;
+};
+
 /// What a frame asks for.
 struct Request {
   View view;
@@ -91,6 +101,7 @@ struct Claim {
   int64_t adapt_steps = 0;     ///< moves that adaptation made or tried
   bool promises_bound = true;  ///< predicted_px is an upper bound
   bool budget_met = true;
+  std::string warning;  ///< what its user should know of this cut; empty: nothing
   /// What the cheapest cut for the view takes, where that breaks a hard budget: of the cuts within the nodes
   /// (or with the fewest, where none is within them) the one with the fewest triangles.
   std::optional<int64_t> least_triangles, least_nodes;
@@ -184,6 +195,13 @@ class Hierarchy {
   virtual double quantum() const = 0;
   /// Unique surface vertices over all nodes, for bytes_per_vertex.
   virtual int64_t vertices() const = 0;
+  /// Where the control points are at rest, source units: what a pose moves. Empty: the method deforms
+  /// nothing, and is never asked for a pose.
+  virtual std::vector<glm::dvec3> control() const { return {}; }
+  /// How its source hangs on them; null where there are none.
+  virtual std::shared_ptr<const Carrier> carrier(std::shared_ptr<const Mesh> /*source*/) const {
+    return nullptr;
+  }
   /// A new session. `draw_options` are validated against the method's table.
   virtual std::unique_ptr<Session> session(const Options& draw_options) const = 0;
 };
