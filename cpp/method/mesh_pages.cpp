@@ -57,20 +57,27 @@ std::vector<T> get(const Store& store, int kind, int64_t id, int64_t count, cons
 
 }  // namespace
 
+CacheOrder cache_order(std::span<const uint32_t> indices, size_t vertices) {
+  CacheOrder out;
+  out.indices.resize(indices.size());
+  meshopt_optimizeVertexCache(out.indices.data(), indices.data(), indices.size(), vertices);
+  out.number.resize(vertices);
+  out.used =
+      meshopt_optimizeVertexFetchRemap(out.number.data(), out.indices.data(), indices.size(), vertices);
+  meshopt_remapIndexBuffer(out.indices.data(), out.indices.data(), indices.size(), out.number.data());
+  return out;
+}
+
 StoredMesh stored_mesh(const Mesh& mesh, std::span<const uint32_t> indices) {
   StoredMesh out;
   const size_t vertices = mesh.positions.size();
-  out.indices.resize(indices.size());
-  meshopt_optimizeVertexCache(out.indices.data(), indices.data(), indices.size(), vertices);
-  std::vector<uint32_t> remap(vertices);
-  const size_t used =
-      meshopt_optimizeVertexFetchRemap(remap.data(), out.indices.data(), indices.size(), vertices);
-  meshopt_remapIndexBuffer(out.indices.data(), out.indices.data(), indices.size(), remap.data());
-  out.high.resize(used);
-  if (!mesh.in_floats) out.low.resize(used);
-  if (!mesh.colors.empty()) out.colors.resize(used);
+  CacheOrder order = cache_order(indices, vertices);
+  out.indices = std::move(order.indices);
+  out.high.resize(order.used);
+  if (!mesh.in_floats) out.low.resize(order.used);
+  if (!mesh.colors.empty()) out.colors.resize(order.used);
   for (size_t i = 0; i < vertices; ++i) {
-    const uint32_t to = remap[i];
+    const uint32_t to = order.number[i];
     if (to == std::numeric_limits<uint32_t>::max()) continue;
     for (int k = 0; k < 3; ++k) {
       float low = 0.0f;

@@ -22,6 +22,14 @@ struct StoredMesh {
   int64_t triangles() const { return static_cast<int64_t>(indices.size() / 3); }
 };
 
+/// Triangles, three indices each, in the order of the vertex cache, and what their vertices are numbered as
+/// they are used: ~0 for those that none uses.
+struct CacheOrder {
+  std::vector<uint32_t> indices, number;
+  size_t used = 0;
+};
+CacheOrder cache_order(std::span<const uint32_t> indices, size_t vertices);
+
 /// These triangles (three indices each) of a mesh, with the vertices that they use.
 StoredMesh stored_mesh(const Mesh& mesh, std::span<const uint32_t> indices);
 

@@ -16,15 +16,21 @@ using glm::vec3;
 #define LODLAB_PRECISE precise
 #endif
 
+LODLAB_FUNCTION vec3 interpolated(vec3 a, vec3 b, vec3 c, vec3 weights) {
+  LODLAB_PRECISE vec3 out_there = (weights.x * a + weights.y * b) + weights.z * c;
+  return out_there;
+}
+LODLAB_FUNCTION vec3 displaced(vec3 base, vec3 normal, float height) {
+  LODLAB_PRECISE vec3 out_there = base + height * normal;
+  return out_there;
+}
+
 /// The control face's corners a, b, c and the unit normals there; weights are multiples of 1 / n, their sum is 1;
 /// `height` is in lengths of the interpolated normal. A sample on an edge has its lower vertex for a, the other for
 /// b, and no third weight; a vertex is a.
 LODLAB_FUNCTION vec3 displaced(vec3 a, vec3 b, vec3 c, vec3 normal_a, vec3 normal_b, vec3 normal_c, vec3 weights,
                                float height) {
-  LODLAB_PRECISE vec3 base = (weights.x * a + weights.y * b) + weights.z * c;
-  LODLAB_PRECISE vec3 normal = (weights.x * normal_a + weights.y * normal_b) + weights.z * normal_c;
-  LODLAB_PRECISE vec3 out_there = base + height * normal;
-  return out_there;
+  return displaced(interpolated(a, b, c, weights), interpolated(normal_a, normal_b, normal_c, weights), height);
 }
 
 #ifdef __cplusplus

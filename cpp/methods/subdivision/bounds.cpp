@@ -293,7 +293,7 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
     if (used[v] == 0) continue;
     const uint32_t face = at_vertices[v].triangle / a_face;
     Triangle flat;
-    for (size_t k = 0; k < 3; ++k) flat[k] = control.positions[control.faces[face][k]] - source.centre;
+    for (size_t k = 0; k < 3; ++k) flat[k] = control.positions[control.faces[face][k]];
     out.sampling[face] =
         std::max(out.sampling[face], closest_on_triangle(flat, source.mesh.positions[v]).distance);
     sum += at_vertices[v].distance;

@@ -26,7 +26,8 @@ struct Bounds {
   double average = 0.0;  ///< the paper's: from the source's vertices to the finest surface, their mean
 };
 
-/// The finest surface: a vertex a sample, n^2 triangles a face. Relative to the source's centre.
+/// The finest surface: a vertex a sample, in the floats that the GPU draws, n^2 triangles a face. Relative to
+/// the source's centre.
 WeldedMesh displaced(const Samples& samples, const Displacement& displacement,
                      std::span<const float> heights);
 

@@ -47,7 +47,6 @@ class Sampler {
   Sampler(const SourceSurface& source, const ControlMesh& control, const Samples& samples)
       : source_(source), control_(control), samples_(samples) {
     out_.places = samples.places();
-    for (Samples::Place& place : out_.places) place.position -= source.centre;
     out_.heights.assign(out_.places.size(), 0.0f);
     out_.near.assign(out_.places.size(), kNoTriangle);
     good_.assign(out_.places.size(), 0);
@@ -70,6 +69,11 @@ class Sampler {
     }
   }
   void average_neighbours();
+  double length(size_t s) const { return glm::length(glm::dvec3(out_.places[s].normal)); }
+  double distance(size_t s) const { return length(s) * out_.heights[s]; }
+  double apart(size_t a, size_t b) const {
+    return glm::distance(glm::dvec3(out_.places[a].position), glm::dvec3(out_.places[b].position));
+  }
 
   const SourceSurface& source_;
   const ControlMesh& control_;
@@ -98,7 +102,9 @@ void Sampler::intersect() {
   parallel_for(static_cast<int64_t>(good_.size()), kGrain, [&](int64_t begin, int64_t end) {
     for (auto s = static_cast<size_t>(begin); s < static_cast<size_t>(end); ++s) {
       const Samples::Place& place = out_.places[s];
-      const Crossing cut = source_.surface.closest_crossing(place.position, place.normal, reach_[s]);
+      if (length(s) < kShortestNormal) continue;
+      const Crossing cut =
+          source_.surface.closest_crossing(place.position, place.normal, reach_[s] / length(s));
       if (cut.triangle == kNoTriangle) continue;
       out_.heights[s] = static_cast<float>(cut.along);
       out_.near[s] = cut.triangle;
@@ -113,9 +119,7 @@ void Sampler::leave_wrong_sheets() {
   for_faces([&](int64_t, std::span<const int64_t> of) {
     for_steps(samples_.pattern(), of, [&](size_t a, size_t b) {
       if (good_[a] == 0 || good_[b] == 0) return;
-      const double rise = std::abs(double{out_.heights[a]} - double{out_.heights[b]});
-      if (rise > kSteepest * glm::distance(out_.places[a].position, out_.places[b].position))
-        steep[a] = steep[b] = 1;
+      if (std::abs(distance(a) - distance(b)) > kSteepest * apart(a, b)) steep[a] = steep[b] = 1;
     });
   });
   parallel_for(static_cast<int64_t>(good_.size()), kGrain, [&](int64_t begin, int64_t end) {
@@ -123,7 +127,7 @@ void Sampler::leave_wrong_sheets() {
       if (steep[s] == 0) continue;
       const Samples::Place& place = out_.places[s];
       const Closest closest = source_.surface.closest(place.position, out_.near[s]);
-      if (closest.distance < kMuchCloser * std::abs(out_.heights[s]) &&
+      if (closest.distance < kMuchCloser * std::abs(distance(s)) &&
           faces_along(source_.mesh, closest.triangle, place.normal))
         good_[s] = 0;
     }
@@ -136,23 +140,24 @@ void Sampler::repair() {
   std::vector<float> step(good_.size(), 0.0f);
   for_faces([&](int64_t, std::span<const int64_t> of) {
     for_steps(samples_.pattern(), of, [&](size_t a, size_t b) {
-      const auto length = static_cast<float>(glm::distance(out_.places[a].position, out_.places[b].position));
-      step[a] = std::max(step[a], length);
-      step[b] = std::max(step[b], length);
+      const auto length_there = static_cast<float>(apart(a, b));
+      step[a] = std::max(step[a], length_there);
+      step[b] = std::max(step[b], length_there);
     });
   });
   parallel_for(static_cast<int64_t>(good_.size()), kGrain, [&](int64_t begin, int64_t end) {
     for (auto s = static_cast<size_t>(begin); s < static_cast<size_t>(end); ++s) {
       if (good_[s] != 0) continue;
-      const Samples::Place& place = out_.places[s];
-      const Closest closest = source_.surface.closest(place.position);
+      const glm::dvec3 position = out_.places[s].position, normal = out_.places[s].normal;
+      const Closest closest = source_.surface.closest(position);
       out_.near[s] = closest.triangle;
       out_.heights[s] = 0.0f;
-      if (closest.triangle == kNoTriangle || !faces_along(source_.mesh, closest.triangle, place.normal))
+      if (closest.triangle == kNoTriangle || length(s) < kShortestNormal ||
+          !faces_along(source_.mesh, closest.triangle, normal))
         continue;
-      const glm::dvec3 way = closest.point - place.position;
-      const double along = glm::dot(way, place.normal);
-      if (std::abs(along) > reach_[s] || glm::length(way - along * place.normal) > step[s]) continue;
+      const glm::dvec3 way = closest.point - position;
+      const double along = glm::dot(way, normal) / glm::dot(normal, normal);
+      if (std::abs(along) * length(s) > reach_[s] || glm::length(way - along * normal) > step[s]) continue;
       out_.heights[s] = static_cast<float>(along);
       good_[s] = 1;
     }
@@ -169,14 +174,14 @@ void Sampler::average_neighbours() {
       for_steps(samples_.pattern(), of, [&](size_t a, size_t b) {
         if (good_[a] == good_[b]) return;
         const size_t bad = good_[a] == 0 ? a : b, from = good_[a] == 0 ? b : a;
-        sum[bad] += out_.heights[from];
+        sum[bad] += distance(from);
         count[bad] += 1.0;
       });
     });
     const int64_t before = left;
     for (size_t s = 0; s < good_.size(); ++s) {
       if (count[s] == 0.0) continue;
-      out_.heights[s] = static_cast<float>(sum[s] / count[s]);
+      out_.heights[s] = static_cast<float>(sum[s] / count[s] / std::max(length(s), kShortestNormal));
       good_[s] = 1;
       --left;
     }
@@ -189,7 +194,7 @@ void Sampler::interpolate() {
   const auto cells = static_cast<size_t>(p.n() * p.n());
   struct Cell {
     glm::dvec3 centre;
-    double above;  ///< its source triangles, in the mean, over the plane of its corners' ends
+    double above;  ///< its source triangles, in the mean, over the plane of its corners' ends, in normals
   };
   std::vector<Cell> cell(cells * control_.faces.size());
   const auto for_cells = [&](std::span<const int64_t> of, const auto& do_cell) {
@@ -212,8 +217,8 @@ void Sampler::interpolate() {
         glm::dvec3 base(0.0), normal(0.0), centre(0.0);
         double height = 0.0, radius = 0.0;
         for (const size_t s : corners) {
-          base += out_.places[s].position / 3.0;
-          normal += out_.places[s].normal / 3.0;
+          base += glm::dvec3(out_.places[s].position) / 3.0;
+          normal += glm::dvec3(out_.places[s].normal) / 3.0;
           centre += out_.end(s, out_.heights[s]) / 3.0;
           height += out_.heights[s] / 3.0;
         }
@@ -227,7 +232,8 @@ void Sampler::interpolate() {
           ++count;
           return false;
         });
-        *next++ = {centre, count > 0 ? sum / count - height : 0.0};
+        const bool known = count > 0 && glm::length(normal) >= kShortestNormal;
+        *next++ = {centre, known ? sum / count - height : 0.0};
       });
     }
   });

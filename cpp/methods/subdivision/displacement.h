@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: MIT
 // How far the source is from each sample of the pattern, along the interpolated normal (Bauman, Livny,
-// El-Sana, section 3.1). A sample is good where the line cuts a source triangle that faces along the normal,
-// no farther away than half the longest edge of the sample's faces. A good one that rises more steeply than
-// kSteepest from a neighbour, while the source is much closer elsewhere (kMuchCloser), lies on the wrong
-// sheet. What is not good is repaired: by the closest source point, where that faces along the normal and is
-// no farther aside than a step of the pattern; else by the mean of good neighbours.
+// El-Sana, section 3.1), in lengths of that normal, which is not made unit again. The control mesh is as it
+// is stored, relative to the source's centre; so is all below. A sample is good where the line cuts a source
+// triangle that faces along the normal, no farther away than half the longest edge of the sample's faces. A
+// good one that rises more steeply than kSteepest from a neighbour, while the source is much closer elsewhere
+// (kMuchCloser), lies on the wrong sheet. What is not good is repaired: by the closest source point, where
+// that faces along the normal and is no farther aside than a step of the pattern; else by the mean of good
+// neighbours. An interpolated normal below kShortestNormal is no direction, and its sample not good: normals
+// within the half-sphere give none.
 #pragma once
 
 #include "geometry/mesh_surface.h"
 #include "methods/subdivision/pattern.h"
+#include "subdivision/displace.h"
 
 namespace lodlab::subdivision {
 
 inline constexpr double kSteepest = 2.0;
 inline constexpr double kMuchCloser = 0.25;
+inline constexpr double kShortestNormal = kLeastCosine / 2.0;
 
 enum class Sampling { kIntersection, kInterpolation };
 
@@ -26,10 +31,10 @@ struct SourceSurface {
 };
 
 struct Displacement {
-  std::vector<Samples::Place> places;  ///< relative to the source's centre
-  std::vector<float> heights;          ///< a sample's, along its normal
-  std::vector<uint32_t> near;          ///< a source triangle near each sample's end
-  int64_t missed = 0;                  ///< no triangle within reach faced along the normal
+  std::vector<Samples::Place> places;
+  std::vector<float> heights;  ///< a sample's, in lengths of its normal
+  std::vector<uint32_t> near;  ///< a source triangle near each sample's end
+  int64_t missed = 0;          ///< no triangle within reach faced along the normal
   int64_t wrong_sheet = 0;
   int64_t averaged = 0;  ///< of both, those repaired from neighbours
 
@@ -37,7 +42,7 @@ struct Displacement {
     return static_cast<double>(missed + wrong_sheet) / static_cast<double>(heights.size());
   }
   glm::dvec3 end(size_t sample, float height) const {
-    return places[sample].position + static_cast<double>(height) * places[sample].normal;
+    return displaced(places[sample].position, places[sample].normal, height);
   }
 };
 

@@ -6,6 +6,7 @@
 
 #include "base/errors.h"
 #include "base/parallel.h"
+#include "subdivision/displace.h"
 
 namespace lodlab::subdivision {
 namespace {
@@ -75,39 +76,32 @@ void Samples::of_face(int64_t face, std::span<int64_t> out) const {
 
 std::vector<Samples::Place> Samples::places() const {
   const int n = pattern_.n();
-  const double step = 1.0 / n;  // a power of two: weights are exact
+  const float step = 1.0f / static_cast<float>(n);  // a power of two: weights are exact
   std::vector<Place> out(static_cast<size_t>(count()));
-  const auto unit = [](const glm::dvec3& v, const glm::dvec3& otherwise) {
-    const double length = glm::length(v);
-    return length > 0.0 ? v / length : otherwise;
+  const auto place = [&](uint32_t a, uint32_t b, uint32_t c, int i, int j) -> Place {
+    const glm::vec3 weights =
+        step * glm::vec3(static_cast<float>(n - i - j), static_cast<float>(i), static_cast<float>(j));
+    const auto at = [&](const std::vector<glm::dvec3>& of) {
+      return interpolated(glm::vec3(of[a]), glm::vec3(of[b]), glm::vec3(of[c]), weights);
+    };
+    return {at(control_.positions), at(control_.normals)};
   };
-  for (size_t v = 0; v < control_.positions.size(); ++v)
-    out[v] = {control_.positions[v], control_.normals[v]};
+  for (uint32_t v = 0; v < control_.positions.size(); ++v) out[v] = place(v, v, v, 0, 0);
   parallel_for(edges_.count(), kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t e = begin; e < end; ++e) {
       const uint32_t side = edges_.of(e)[0];
       const auto [a, b] =
           std::minmax({vertex_of(control_.faces, side), vertex_of(control_.faces, side_end(side))});
-      for (int s = 1; s < n; ++s) {
-        const double w = s * step;
-        out[static_cast<size_t>(vertices_ + e * (n - 1) + s - 1)] = {
-            (1.0 - w) * control_.positions[a] + w * control_.positions[b],
-            unit((1.0 - w) * control_.normals[a] + w * control_.normals[b], control_.normals[a])};
-      }
+      for (int s = 1; s < n; ++s)
+        out[static_cast<size_t>(vertices_ + e * (n - 1) + s - 1)] = place(a, b, a, s, 0);
     }
   });
   parallel_for(faces_, kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t f = begin; f < end; ++f) {
-      const Face& v = control_.faces[static_cast<size_t>(f)];
+      const auto& [a, b, c] = control_.faces[static_cast<size_t>(f)];
       auto at = static_cast<size_t>(first_inside_ + f * pattern_.inside());
       for (int j = 1; j < n; ++j) {
-        for (int i = 1; i + j < n; ++i) {
-          const double x = (n - i - j) * step, y = i * step, z = j * step;
-          out[at++] = {
-              x * control_.positions[v[0]] + y * control_.positions[v[1]] + z * control_.positions[v[2]],
-              unit(x * control_.normals[v[0]] + y * control_.normals[v[1]] + z * control_.normals[v[2]],
-                   control_.normals[v[0]])};
-        }
+        for (int i = 1; i + j < n; ++i) out[at++] = place(a, b, c, i, j);
       }
     }
   });

@@ -57,10 +57,11 @@ class Samples {
   void of_face(int64_t face, std::span<int64_t> out) const;
   int64_t edge(int64_t face, int side) const { return edge_of_side_[static_cast<size_t>(3 * face + side)]; }
 
-  /// Where each lies on the control mesh, and the unit normal there, interpolated; shared ones from the lower
-  /// to the higher vertex.
+  /// Where each lies on the control mesh, and the normal there, interpolated and not of unit length, in the
+  /// floats of shaders/subdivision/displace.h; shared ones from the lower to the higher vertex. Of a control
+  /// mesh as it is stored: others are rounded.
   struct Place {
-    glm::dvec3 position, normal;
+    glm::vec3 position, normal;
   };
   std::vector<Place> places() const;
 
