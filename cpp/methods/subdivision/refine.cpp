@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "methods/subdivision/refine.h"
+
+#include <array>
+#include <cmath>
+
+namespace lodlab::subdivision {
+
+Step step_of(const Projector& projector, double tau) {
+  const double K = projector.K, s = projector.s, n = projector.n;
+  Step out;
+  out.tau = static_cast<float>(tau);
+  if (projector.kind == Projection::kPaper) {
+    out.kappa = static_cast<float>(K / tau + 1.0);
+    out.never = static_cast<float>(n * tau / K * (1.0 - 1e-6));
+  } else {  // strict, solved for the distance (common/projection.h)
+    out.kappa = static_cast<float>(s * (1.0 + K * s / tau) + 1.0);
+    out.never = static_cast<float>(n * tau / (K * s) * (1.0 - 1e-6));
+  }
+  const double gain = K / tau;
+  out.gain = static_cast<float>(gain * gain);
+  return out;
+}
+
+Corners Refinement::corners(const FaceRecord& face) const {
+  const auto at = [&](uint32_t v) {
+    const vec3& p = lying_.positions[v];
+    const float *const high = uniforms_.eye_high, *const low = uniforms_.eye_low;
+    return (p - vec3(high[0], high[1], high[2])) - vec3(low[0], low[1], low[2]);
+  };
+  return {at(face.corner[0]), at(face.corner[1]), at(face.corner[2])};
+}
+
+bool Refinement::visible(size_t f) const {
+  const FaceRecord& face = lying_.records.face[f];
+  const auto along = [&](int k) { return lying_.normals[face.corner[k]]; };
+  return face_seen(face, corners(face), {along(0), along(1), along(2)}, uniforms_.frustum);
+}
+
+int64_t Refinement::for_triangles(size_t f,
+                                  const std::function<void(const PatternTriangle&)>& visit) const {
+  const FaceRecord& face = lying_.records.face[f];
+  const Corners at = corners(face);
+  const auto edge_record = [&](uint32_t e) -> const LineRecord& { return lying_.records.edge[e]; };
+  const int n = 1 << uniforms_.d;
+  std::array<PatternTriangle, 2 * kMostDoublings + 2> stack;
+  size_t top = 0;
+  stack[top++] = {{0, 0}, {n, 0}, {0, n}};
+  int64_t tested = 0;
+  while (top > 0) {
+    PatternTriangle t = stack[--top];
+    for (;;) {
+      ++tested;
+      const int side = split_of(frame_, face, at, t.p0, t.p1, t.p2, edge_record);
+      if (side == 0) {
+        visit(t);
+        break;
+      }
+      const PatternTriangle turned = side == 1   ? t
+                                     : side == 2 ? PatternTriangle{t.p1, t.p2, t.p0}
+                                                 : PatternTriangle{t.p2, t.p0, t.p1};
+      const ivec2 p = turned.p0, q = turned.p1, r = turned.p2;
+      if (squared_length(q - p) == 3) {
+        visit(swapped(p, q, r));
+        break;
+      }
+      const ivec2 middle((p.x + q.x) / 2, (p.y + q.y) / 2);
+      stack[top++] = {q, r, middle};
+      t = {r, p, middle};
+    }
+  }
+  return tested;
+}
+
+}  // namespace lodlab::subdivision

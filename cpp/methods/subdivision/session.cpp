@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: MIT
+// Selection: what a frame refines by, left to the GPU as a record; its twin on the CPU says what comes of it.
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <mutex>
+
+#include "base/errors.h"
+#include "base/parallel.h"
+#include "geometry/mesh_surface.h"
+#include "geometry/two_floats.h"
+#include "method/hand_cut.h"
+#include "methods/subdivision/gpu.h"
+#include "store/format.h"
+
+namespace lodlab::subdivision {
+namespace {
+
+/// Pixel errors among which a number of triangles is sought: sixteen for each power of two.
+constexpr size_t kSteps = 512;
+constexpr double kFinestStep = 0x1p-12;
+
+struct Selection : Record {
+  Uniforms uniforms;
+  Search search;
+};
+
+/// Of cuts by hand: levels of faces; each control edge has the larger of its faces' two.
+struct Levels : Record {
+  Records records;
+};
+
+class SubdivisionSession : public Session {
+ public:
+  SubdivisionSession(std::shared_ptr<const SubdivisionHierarchy> hierarchy, const Options& options)
+      : hierarchy_(std::move(hierarchy)),
+        projection_(projection_of(options, false)),
+        metric_(options.text("metric") == "length"      ? LODLAB_METRIC_LENGTH
+                : options.text("metric") == "curvature" ? LODLAB_METRIC_CURVATURE
+                                                        : LODLAB_METRIC_BOUND) {
+    for (const glm::dvec3& p : hierarchy_->stored().control.positions) positions_.emplace_back(p);
+    for (const glm::dvec3& n : hierarchy_->stored().control.normals) normals_.emplace_back(n);
+  }
+
+  Cut select(const Request& request) override;
+  void resolve(Cut& cut) const override;
+  std::string digest(const Cut& cut) const override;
+  Cut cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const override;
+  std::vector<Cut> audit_cuts() const override;
+  void prepare(const Cut& cut, render::Work& work) override;
+  void draw(const Cut& cut, render::Pass& pass) override;
+  int64_t resident_bytes() const override { return gpu_ ? gpu_->bytes() : 0; }
+
+ private:
+  size_t faces() const { return hierarchy_->records().face.size(); }
+  Uniforms uniforms(const Camera& camera, int metric) const;
+  Lying lying(const Records& records) const { return {positions_, normals_, records}; }
+  Cut by_levels(const std::vector<int32_t>& level) const;
+
+  size_t step_within(const Uniforms& uniforms, const Search& search) const;
+  int64_t count(const Uniforms& uniforms, const Step& step, int64_t most) const;
+
+  std::shared_ptr<const SubdivisionHierarchy> hierarchy_;
+  Projection projection_;
+  int metric_;
+  std::vector<vec3> positions_, normals_;
+  std::unique_ptr<Gpu> gpu_;
+};
+
+Uniforms SubdivisionSession::uniforms(const Camera& camera, int metric) const {
+  Uniforms out = {};
+  const glm::dvec3 eye = camera.eye - hierarchy_->centre();
+  for (int k = 0; k < 3; ++k) split(eye[k], out.eye_high[k], out.eye_low[k]);
+  for (int i = 0; i < 5; ++i) {
+    const double offset = i == 4 ? -camera.near_plane : 0.0;
+    out.frustum.plane[i] = glm::vec4(glm::vec3(camera.planes[static_cast<size_t>(i)]), offset);
+  }
+  out.metric = metric;
+  out.d = hierarchy_->pattern().d;
+  out.low_code = hierarchy_->stored().shape.low_code;
+  return out;
+}
+
+Cut SubdivisionSession::select(const Request& request) {
+  const Camera camera = make_camera(request.view);
+  const Projector projector(projection_, camera);
+  const auto selection = std::make_shared<Selection>();
+  selection->uniforms = uniforms(camera, metric_);
+  const Budget& budget = request.budget;
+  Search& search = selection->search;
+  const double finest = budget.pixel_error.value_or(kFinestStep);
+  search.steps.push_back(step_of(projector, finest));
+  if (budget.triangles) {
+    search.most = static_cast<uint32_t>(std::min<int64_t>(*budget.triangles, UINT32_MAX - 1));
+    for (size_t i = 1; i < kSteps; ++i)
+      search.steps.push_back(step_of(projector, finest * std::exp2(static_cast<double>(i) / 16.0)));
+  }
+  return {request, selection, std::nullopt};
+}
+
+/// Triangles of the faces in sight; more than `most` where they are more.
+int64_t SubdivisionSession::count(const Uniforms& uniforms, const Step& step, int64_t most) const {
+  const Lying lies = lying(hierarchy_->records());
+  const Refinement refinement(lies, uniforms, step);
+  std::atomic<int64_t> out{0};
+  parallel_for(static_cast<int64_t>(faces()), 64, [&](int64_t begin, int64_t end) {
+    for (auto f = static_cast<size_t>(begin); f < static_cast<size_t>(end) && out <= most; ++f) {
+      if (!refinement.visible(f)) continue;
+      int64_t here = 0;
+      refinement.for_triangles(f, [&](const PatternTriangle&) { ++here; });
+      out += here;
+    }
+  });
+  return out;
+}
+
+size_t SubdivisionSession::step_within(const Uniforms& uniforms, const Search& search) const {
+  size_t low = 0, high = search.steps.size() - 1;
+  while (search.most && low < high) {
+    const size_t middle = (low + high) / 2;
+    if (count(uniforms, search.steps[middle], *search.most) > int64_t{*search.most}) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low;
+}
+
+void SubdivisionSession::resolve(Cut& cut) const {
+  if (cut.claim) return;
+  const auto& selection = static_cast<const Selection&>(*cut.record);
+  const Uniforms& u = selection.uniforms;
+  const Step& step = selection.search.steps[step_within(u, selection.search)];
+  const Lying lies = lying(hierarchy_->records());
+  const Refinement refinement(lies, u, step);
+  const Camera camera = make_camera(cut.request.view);
+  const Projector projector(projection_, camera);
+  const glm::dvec3 eye = camera.eye - hierarchy_->centre();
+  const Pattern& pattern = hierarchy_->pattern();
+
+  Claim claim;
+  claim.promises_bound = metric_ == LODLAB_METRIC_BOUND && projection_ != Projection::kPaper;
+  claim.tau = step.tau;
+  claim.nodes.resize(faces());
+  std::mutex mutex;
+  parallel_for(static_cast<int64_t>(faces()), 64, [&](int64_t begin, int64_t end) {
+    std::vector<vec3> points(static_cast<size_t>(pattern.points()));
+    double predicted = 0.0;
+    int64_t triangles = 0, visible = 0;
+    for (int64_t f = begin; f < end; ++f) {
+      CutNode& node = claim.nodes[static_cast<size_t>(f)];
+      node.node = static_cast<uint32_t>(f);
+      node.visible = refinement.visible(static_cast<size_t>(f));
+      if (node.visible) hierarchy_->displaced().of_face(f, points);
+      int least = pattern.levels() - 1;
+      refinement.for_triangles(static_cast<size_t>(f), [&](const PatternTriangle& t) {
+        int own = pattern.levels() - 1;
+        for (const ivec2 way : {t.p1 - t.p0, t.p2 - t.p1, t.p0 - t.p2})
+          own = std::min(own, pattern.level(way.x, way.y));
+        least = std::min(least, own);
+        if (!node.visible) return;
+        ++triangles;
+        const double bound = hierarchy_->stored().bound(f, own);
+        const auto at = [&](ivec2 p) {
+          return glm::dvec3(points[static_cast<size_t>(pattern.point(p.x, p.y))]) - eye;
+        };
+        const Triangle there = {at(t.p0), at(t.p1), at(t.p2)};
+        const glm::dvec3 middle = (there[0] + there[1] + there[2]) / 3.0;
+        double radius = 0.0;
+        for (const glm::dvec3& p : there) radius = std::max(radius, glm::distance(p, middle));
+        const auto projected = [&](double distance) {
+          return projector.project(bound, {std::max(0.0, distance - bound), 1.0});
+        };
+        if (projected(glm::length(middle) - radius) <= predicted) return;
+        predicted = std::max(predicted, projected(closest_on_triangle(there, glm::dvec3(0.0)).distance));
+      });
+      node.resolution = static_cast<uint32_t>(least);
+      node.error = hierarchy_->stored().bound(f, least);
+      visible += node.visible ? 1 : 0;
+    }
+    const std::lock_guard lock(mutex);
+    claim.predicted_px = std::max(claim.predicted_px, predicted);
+    claim.triangles += triangles;
+    claim.visible_nodes += visible;
+  });
+  if (cut.request.budget.triangles && claim.triangles > *cut.request.budget.triangles) {
+    claim.least_triangles = claim.triangles;
+    claim.least_nodes = claim.visible_nodes;
+  }
+  claim.budget_met = claim.within(cut.request.budget);
+  cut.claim = std::move(claim);
+}
+
+std::string SubdivisionSession::digest(const Cut& cut) const {
+  const auto* selection = dynamic_cast<const Selection*>(cut.record.get());
+  if (selection == nullptr) return Session::digest(cut);
+  std::vector<std::byte> bytes;
+  const auto add = [&](std::span<const std::byte> part) { bytes.insert(bytes.end(), part.begin(), part.end()); };
+  add(std::as_bytes(std::span(&selection->uniforms, 1)));
+  add(std::as_bytes(std::span(selection->search.steps).first(1)));
+  const uint32_t most = selection->search.most.value_or(~0u);
+  add(std::as_bytes(std::span(&most, 1)));
+  return store::digest_of(bytes);
+}
+
+Cut SubdivisionSession::by_levels(const std::vector<int32_t>& level) const {
+  const auto record = std::make_shared<Levels>();
+  record->records = hierarchy_->records();
+  Claim claim;
+  for (size_t f = 0; f < faces(); ++f) {
+    record->records.face[f].inner.drawn = static_cast<uint32_t>(level[f]);
+    for (const uint32_t e : record->records.face[f].edge) {
+      uint32_t& drawn = record->records.edge[e].drawn;
+      drawn = std::max(drawn, static_cast<uint32_t>(level[f]));
+    }
+    claim.nodes.push_back({static_cast<uint32_t>(f), static_cast<uint32_t>(level[f]), 1.0f, true, false,
+                           hierarchy_->stored().bound(static_cast<int64_t>(f), level[f])});
+  }
+  Uniforms u = {};
+  u.metric = LODLAB_METRIC_LEVEL;
+  u.d = hierarchy_->pattern().d;
+  const Lying lies = lying(record->records);
+  const Refinement refinement(lies, u, {});
+  for (size_t f = 0; f < faces(); ++f)
+    refinement.for_triangles(f, [&](const PatternTriangle&) { ++claim.triangles; });
+  claim.visible_nodes = static_cast<int64_t>(faces());
+  Cut out = cut_by_hand(std::move(claim));
+  out.record = record;
+  return out;
+}
+
+Cut SubdivisionSession::cut(const std::vector<int64_t>& ids, const std::vector<int32_t>& resolutions) const {
+  check_counts(ids, resolutions);
+  const int32_t levels = hierarchy_->pattern().levels();
+  std::vector<int32_t> level(faces(), -1);
+  for (size_t i = 0; i < ids.size(); ++i) {
+    const size_t f = checked_node(ids[i], static_cast<int64_t>(faces()));
+    if (level[f] >= 0) throw InvalidInput("cut: node " + std::to_string(f) + " is given twice");
+    level[f] = resolutions.empty() ? levels - 1 : resolutions[i];
+    if (level[f] < 0 || level[f] >= levels) {
+      throw InvalidInput("cut: resolution " + std::to_string(level[f]) + " of node " + std::to_string(f) +
+                         ": it is from 0 to " + std::to_string(levels - 1));
+    }
+  }
+  const auto gap = std::find(level.begin(), level.end(), -1);
+  if (gap != level.end())
+    throw InvalidInput("cut: gap: node " + std::to_string(gap - level.begin()) + " is missing");
+  return by_levels(level);
+}
+
+/// All faces at each level, and every other one at the finest beside the coarsest.
+std::vector<Cut> SubdivisionSession::audit_cuts() const {
+  const int32_t levels = hierarchy_->pattern().levels();
+  std::vector<Cut> out;
+  for (int32_t level = 0; level < levels; ++level)
+    out.push_back(by_levels(std::vector<int32_t>(faces(), level)));
+  for (const size_t odd : {0u, 1u}) {
+    std::vector<int32_t> level(faces(), 0);
+    for (size_t f = odd; f < faces(); f += 2) level[f] = levels - 1;
+    out.push_back(by_levels(level));
+  }
+  return out;
+}
+
+void SubdivisionSession::prepare(const Cut& cut, render::Work& work) {
+  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
+  if (const auto* selection = dynamic_cast<const Selection*>(cut.record.get())) {
+    gpu_->refine(selection->uniforms, selection->search, work);
+  } else {
+    Uniforms u = uniforms(work.camera(), LODLAB_METRIC_LEVEL);
+    gpu_->refine(u, static_cast<const Levels&>(*cut.record).records, work);
+  }
+}
+
+void SubdivisionSession::draw(const Cut&, render::Pass& pass) {
+  gpu_->draw(uniforms(pass.camera(), metric_), pass);
+}
+
+}  // namespace
+
+std::unique_ptr<Session> make_session(std::shared_ptr<const SubdivisionHierarchy> hierarchy,
+                                      const Options& options) {
+  return std::make_unique<SubdivisionSession>(std::move(hierarchy), options);
+}
+
+}  // namespace lodlab::subdivision
