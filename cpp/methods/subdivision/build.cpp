@@ -43,8 +43,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
 
   Stored stored;
   const SourceSurface surface(mesh);
-  ControlMesh control =
-      control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress);
+  ControlMesh control = control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress);
   const bool reached = control.reached_target;
   stored.control = at_rest(control, surface.centre);
   stored.control.faces =
@@ -53,9 +52,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   ControlMesh moved = stored.control;  // TEMP
   for (auto& p : moved.positions) p += surface.centre;
   const Samples old_samples(moved, pattern);
-  Displacement displacement =
-      displace(surface, moved, old_samples,
-               interpolation ? Sampling::kInterpolation : Sampling::kIntersection);
+  Displacement displacement = displace(surface, moved, old_samples,
+                                       interpolation ? Sampling::kInterpolation : Sampling::kIntersection);
   std::vector<float> scale(displacement.heights.size(), 1.0f);  // TEMP
   {
     const int n = pattern.n();
@@ -65,10 +63,10 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
       const Face& v = stored.control.faces[static_cast<size_t>(f)];
       for (int j = 0; j <= n; ++j) {
         for (int i = 0; i + j <= n; ++i) {
-          const glm::dvec3 sum = (double(n - i - j) * stored.control.normals[v[0]] +
-                                  double(i) * stored.control.normals[v[1]] +
-                                  double(j) * stored.control.normals[v[2]]) /
-                                 double(n);
+          const glm::dvec3 sum =
+              (double(n - i - j) * stored.control.normals[v[0]] + double(i) * stored.control.normals[v[1]] +
+               double(j) * stored.control.normals[v[2]]) /
+              double(n);
           scale[static_cast<size_t>(of[static_cast<size_t>(pattern.point(i, j))])] =
               static_cast<float>(glm::length(sum));
         }
@@ -88,9 +86,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   shape.faces = samples.control_faces();
   shape.degree = pattern.n() + 1;
   shape.bits = bits;
-  const double largest =
-      std::max(*std::max_element(found.face.begin(), found.face.end()),
-               *std::max_element(found.sampling.begin(), found.sampling.end()));
+  const double largest = std::max(*std::max_element(found.face.begin(), found.face.end()),
+                                  *std::max_element(found.sampling.begin(), found.sampling.end()));
   shape.low_code = low_code_for(largest);
   Box box = mesh.box;
   const auto levels = static_cast<size_t>(found.levels);
@@ -99,8 +96,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
       stored.codes.push_back(code_above(shape.low_code, found.face[f * levels + level]));
     stored.codes.push_back(code_above(shape.low_code, found.sampling[f]));
   }
-  for (const glm::dvec3& p : displaced(samples, displacement, heights).positions)
-    box.add(p + surface.centre);
+  for (const glm::dvec3& p : displaced(samples, displacement, heights).positions) box.add(p + surface.centre);
   shape.closed = 1;
   for (int64_t e = 0; e < samples.edges().count(); ++e) {
     if (samples.edges().of(e).size() != 2) shape.closed = 0;
@@ -111,14 +107,10 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     shape.hi[k] = box.hi[k];
   }
   put(writer, stored);
-  const nlohmann::json told = {{"control_faces", shape.faces},
-                               {"control_vertices", shape.vertices},
-                               {"reached_target", reached},
-                               {"samples", samples.count()},
-                               {"missed", displacement.missed},
-                               {"wrong_sheet", displacement.wrong_sheet},
-                               {"averaged", displacement.averaged},
-                               {"average_distance", found.average}};
+  const nlohmann::json told = {{"control_faces", shape.faces},      {"control_vertices", shape.vertices},
+                               {"reached_target", reached},         {"samples", samples.count()},
+                               {"missed", displacement.missed},     {"wrong_sheet", displacement.wrong_sheet},
+                               {"averaged", displacement.averaged}, {"average_distance", found.average}};
   writer.put_meta("subdivision", told.dump());
 }
 

@@ -48,10 +48,10 @@ static_assert(offsetof(FrameState, faces) == 112 && offsetof(FrameState, command
 
 std::vector<std::string> defines(const SubdivisionHierarchy& hierarchy, std::string more = "") {
   const Pattern& pattern = hierarchy.pattern();
-  std::vector<std::string> out = {
-      "DOUBLINGS " + std::to_string(pattern.d), "POINTS " + std::to_string(pattern.points()),
-      "BITS " + std::to_string(hierarchy.stored().shape.bits),
-      "WORDS " + std::to_string((2 * pattern.n() * pattern.n() + 15) / 16)};
+  std::vector<std::string> out = {"DOUBLINGS " + std::to_string(pattern.d),
+                                  "POINTS " + std::to_string(pattern.points()),
+                                  "BITS " + std::to_string(hierarchy.stored().shape.bits),
+                                  "WORDS " + std::to_string((2 * pattern.n() * pattern.n() + 15) / 16)};
   if (!more.empty()) out.push_back(std::move(more));
   return out;
 }
@@ -124,8 +124,8 @@ Gpu::Gpu(const SubdivisionHierarchy& h)
       counts_((faces_ + 1) * 4),
       state_(sizeof(FrameState)) {
   if (faces_ * points_ > INT32_MAX) {
-    throw Unsupported("subdivision: " + std::to_string(faces_) + " control faces of " + std::to_string(points_) +
-                      " points are more than 32-bit indices tell apart");
+    throw Unsupported("subdivision: " + std::to_string(faces_) + " control faces of " +
+                      std::to_string(points_) + " points are more than 32-bit indices tell apart");
   }
   array_.floats(0, 0, 3, GL_FLOAT, 0);
   array_.source(0, positions_, 0, 12);

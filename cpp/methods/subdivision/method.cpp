@@ -19,14 +19,7 @@ std::vector<OptionSpec> option_table() {
        {},
        0.0,
        1e9},
-      {"degree",
-       int64_t{17},
-       kBuild,
-       "",
-       "Samples along an edge of a control face: 2^d + 1.",
-       {},
-       3.0,
-       33.0},
+      {"degree", int64_t{17}, kBuild, "", "Samples along an edge of a control face: 2^d + 1.", {}, 3.0, 33.0},
       {"sampling",
        std::string("interpolation"),
        kBuild,
@@ -49,12 +42,9 @@ class Subdivision : public Method {
  public:
   const MethodInfo& info() const override {
     static const MethodInfo kInfo{
-        "subdivision",
-        "A control mesh bisected on the GPU each frame and displaced along its normals.",
-        {"mesh"},
-        {"pixel_error", "triangles"},
-        false,
-        option_table()};
+        "subdivision", "A control mesh bisected on the GPU each frame and displaced along its normals.",
+        {"mesh"},      {"pixel_error", "triangles"},
+        false,         option_table()};
     return kInfo;
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "geometry/two_floats.h"
+
 namespace lodlab::subdivision {
 
 Step step_of(const Projector& projector, double tau) {
@@ -22,6 +24,20 @@ Step step_of(const Projector& projector, double tau) {
   return out;
 }
 
+Uniforms uniforms_of(const SubdivisionHierarchy& hierarchy, const Camera& camera, int metric) {
+  Uniforms out = {};
+  const glm::dvec3 eye = camera.eye - hierarchy.centre();
+  for (int k = 0; k < 3; ++k) split(eye[k], out.eye_high[k], out.eye_low[k]);
+  for (int i = 0; i < 5; ++i) {
+    const double offset = i == 4 ? -camera.near_plane : 0.0;
+    out.frustum.plane[i] = glm::vec4(glm::vec3(camera.planes[static_cast<size_t>(i)]), offset);
+  }
+  out.metric = metric;
+  out.d = hierarchy.pattern().d;
+  out.low_code = hierarchy.stored().shape.low_code;
+  return out;
+}
+
 Corners Refinement::corners(const FaceRecord& face) const {
   const auto at = [&](uint32_t v) {
     const vec3& p = lying_.positions[v];
@@ -37,8 +53,7 @@ bool Refinement::visible(size_t f) const {
   return face_seen(face, corners(face), {along(0), along(1), along(2)}, uniforms_.frustum);
 }
 
-int64_t Refinement::for_triangles(size_t f,
-                                  const std::function<void(const PatternTriangle&)>& visit) const {
+int64_t Refinement::for_triangles(size_t f, const std::function<void(const PatternTriangle&)>& visit) const {
   const FaceRecord& face = lying_.records.face[f];
   const Corners at = corners(face);
   const auto edge_record = [&](uint32_t e) -> const LineRecord& { return lying_.records.edge[e]; };

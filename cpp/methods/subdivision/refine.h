@@ -26,6 +26,7 @@ struct Uniforms {
   uint32_t low_code;
 };
 
+Uniforms uniforms_of(const SubdivisionHierarchy& hierarchy, const Camera& camera, int metric);
 Step step_of(const Projector& projector, double tau);
 
 /// A control mesh as it lies in a frame.

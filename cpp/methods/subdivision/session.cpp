@@ -9,7 +9,6 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/mesh_surface.h"
-#include "geometry/two_floats.h"
 #include "method/hand_cut.h"
 #include "methods/subdivision/gpu.h"
 #include "store/format.h"
@@ -54,7 +53,9 @@ class SubdivisionSession : public Session {
 
  private:
   size_t faces() const { return hierarchy_->records().face.size(); }
-  Uniforms uniforms(const Camera& camera, int metric) const;
+  Uniforms uniforms(const Camera& camera, int metric) const {
+    return uniforms_of(*hierarchy_, camera, metric);
+  }
   Lying lying(const Records& records) const { return {positions_, normals_, records}; }
   Cut by_levels(const std::vector<int32_t>& level) const;
 
@@ -67,20 +68,6 @@ class SubdivisionSession : public Session {
   std::vector<vec3> positions_, normals_;
   std::unique_ptr<Gpu> gpu_;
 };
-
-Uniforms SubdivisionSession::uniforms(const Camera& camera, int metric) const {
-  Uniforms out = {};
-  const glm::dvec3 eye = camera.eye - hierarchy_->centre();
-  for (int k = 0; k < 3; ++k) split(eye[k], out.eye_high[k], out.eye_low[k]);
-  for (int i = 0; i < 5; ++i) {
-    const double offset = i == 4 ? -camera.near_plane : 0.0;
-    out.frustum.plane[i] = glm::vec4(glm::vec3(camera.planes[static_cast<size_t>(i)]), offset);
-  }
-  out.metric = metric;
-  out.d = hierarchy_->pattern().d;
-  out.low_code = hierarchy_->stored().shape.low_code;
-  return out;
-}
 
 Cut SubdivisionSession::select(const Request& request) {
   const Camera camera = make_camera(request.view);
@@ -197,7 +184,9 @@ std::string SubdivisionSession::digest(const Cut& cut) const {
   const auto* selection = dynamic_cast<const Selection*>(cut.record.get());
   if (selection == nullptr) return Session::digest(cut);
   std::vector<std::byte> bytes;
-  const auto add = [&](std::span<const std::byte> part) { bytes.insert(bytes.end(), part.begin(), part.end()); };
+  const auto add = [&](std::span<const std::byte> part) {
+    bytes.insert(bytes.end(), part.begin(), part.end());
+  };
   add(std::as_bytes(std::span(&selection->uniforms, 1)));
   add(std::as_bytes(std::span(selection->search.steps).first(1)));
   const uint32_t most = selection->search.most.value_or(~0u);

@@ -117,8 +117,8 @@ std::vector<Face> as_coded(const std::vector<Face>& faces, int64_t vertices) {
 void put(StoreWriter& writer, const Stored& stored) {
   std::vector<Vertex> vertices;
   for (size_t v = 0; v < stored.control.positions.size(); ++v)
-    vertices.push_back({vec3(stored.control.positions[v]), vec3(stored.control.normals[v]),
-                        stored.packed.vertices[v]});
+    vertices.push_back(
+        {vec3(stored.control.positions[v]), vec3(stored.control.normals[v]), stored.packed.vertices[v]});
   if (!writer.has_page(kVertices, 0)) writer.put_page(kVertices, 0, coded_vertices(vertices));
   if (!writer.has_page(kTriangles, 0))
     writer.put_page(kTriangles, 0, coded_faces(stored.control.faces, vertices.size()));

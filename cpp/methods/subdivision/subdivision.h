@@ -22,7 +22,7 @@ inline constexpr int kMostDoublings = 5;
 struct Stored {
   /// Row of the array "shape".
   struct Shape {
-    double centre[3];  ///< of the source's box: what positions are relative to
+    double centre[3];     ///< of the source's box: what positions are relative to
     double lo[3], hi[3];  ///< of the source and of all that is drawn
     int64_t vertices, faces;
     int32_t degree, bits;
@@ -87,7 +87,9 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   const Samples& samples() const { return samples_; }
   const Displaced& displaced() const { return displaced_; }
   const Records& records() const { return records_; }
-  glm::dvec3 centre() const { return {stored_.shape.centre[0], stored_.shape.centre[1], stored_.shape.centre[2]}; }
+  glm::dvec3 centre() const {
+    return {stored_.shape.centre[0], stored_.shape.centre[1], stored_.shape.centre[2]};
+  }
   Box box() const;
   /// Faces on each control edge: two, or one on a border.
   std::span<const uint32_t> sides(int64_t edge) const { return samples_.edges().of(edge); }

@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: MIT
+// subdivision's refinement: lines of control edges decide alike from both faces, triangles tile their faces
+// and meet vertex to vertex, the budget is kept wherever the pattern allows it, and the GPU draws the very
+// triangles of the twin, bit for bit.
+#include <doctest/doctest.h>
+
+#include <map>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "geometry/mesh_surface.h"
+#include "methods/subdivision/refine.h"
+#include "render/frame.h"
+#include "store_fixture.h"
+
+using namespace lodlab;
+using namespace lodlab::subdivision;
+
+namespace lodlab {
+const Method& subdivision_method();
+}
+
+namespace {
+
+using Random = std::mt19937;
+
+double between(Random& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+/// A torus, closed or cut open, with bumps.
+std::shared_ptr<const Mesh> bumpy(int rings, int sides, bool open) {
+  struct Arrays {
+    std::vector<glm::dvec3> positions;
+    std::vector<Face> faces;
+  };
+  const auto owner = std::make_shared<Arrays>();
+  const int last = open ? rings - 1 : rings;
+  for (int i = 0; i < rings; ++i) {
+    for (int j = 0; j < sides; ++j) {
+      const double u = 2.0 * std::numbers::pi * i / rings, v = 2.0 * std::numbers::pi * j / sides;
+      const double r =
+          0.4 + 0.03 * std::sin(5.0 * u) * std::cos(4.0 * v) + (u < 2.0 ? 0.02 * std::sin(40.0 * u) : 0.0);
+      owner->positions.push_back(
+          {(1.0 + r * std::cos(v)) * std::cos(u), (1.0 + r * std::cos(v)) * std::sin(u), r * std::sin(v)});
+    }
+  }
+  const auto at = [&](int i, int j) { return static_cast<uint32_t>(i % rings * sides + j % sides); };
+  for (int i = 0; i < last; ++i) {
+    for (int j = 0; j < sides; ++j) {
+      owner->faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      owner->faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  }
+  MeshArrays out;
+  out.positions = owner->positions;
+  out.faces = owner->faces;
+  out.owner = owner;
+  return make_mesh(out, "");
+}
+
+std::shared_ptr<const SubdivisionHierarchy> built(const Mesh& mesh, int64_t degree, int64_t target = 200) {
+  const testing::TemporaryFolder folder;
+  const auto store = build_store(mesh, subdivision_method(), {{"degree", degree}, {"target", target}},
+                                 folder / "a.lod", BuildMode::kNew, {});
+  return std::dynamic_pointer_cast<const SubdivisionHierarchy>(subdivision_method().open(store));
+}
+
+/// What a control mesh lies as.
+struct Rest {
+  std::vector<vec3> positions, normals;
+  explicit Rest(const SubdivisionHierarchy& h) {
+    for (const glm::dvec3& p : h.stored().control.positions) positions.emplace_back(p);
+    for (const glm::dvec3& n : h.stored().control.normals) normals.emplace_back(n);
+  }
+  Lying lying(const SubdivisionHierarchy& h) const { return {positions, normals, h.records()}; }
+};
+
+/// From afar, near by, on the surface, inside.
+View random_view(Random& random) {
+  View view;
+  const double far = std::exp(between(random, std::log(1e-3), std::log(1e3)));
+  const double angle = between(random, 0.0, 2.0 * std::numbers::pi);
+  const glm::dvec3 on_ring(std::cos(angle), std::sin(angle), 0.0);
+  view.target =
+      on_ring + 0.4 * glm::normalize(glm::dvec3(between(random, -1, 1), between(random, -1, 1), 0.1));
+  view.eye =
+      view.target + far * glm::normalize(glm::dvec3(between(random, -1, 1), between(random, -1, 1), 0.7));
+  view.fov = between(random, 20.0, 100.0);
+  view.width = 400;
+  view.height = 300;
+  return view;
+}
+
+double random_tau(Random& random) { return std::exp(between(random, std::log(0.05), std::log(300.0))); }
+
+/// Triangles of all faces, corners as numbers of samples.
+using Corner3 = std::array<int64_t, 3>;
+std::vector<Corner3> all_triangles(const SubdivisionHierarchy& h, const Refinement& refinement) {
+  std::vector<Corner3> out;
+  for (size_t f = 0; f < h.records().face.size(); ++f) {
+    refinement.for_triangles(f, [&](const PatternTriangle& t) {
+      const auto of = [&](ivec2 p) { return h.samples().of(static_cast<int64_t>(f), p.x, p.y); };
+      out.push_back({of(t.p0), of(t.p1), of(t.p2)});
+    });
+  }
+  return out;
+}
+
+/// Directed edges that lack their opposite, beside those of the control mesh's border.
+int64_t unmatched(const std::vector<Corner3>& triangles) {
+  std::map<std::pair<int64_t, int64_t>, int> count;
+  for (const Corner3& t : triangles) {
+    for (size_t k = 0; k < 3; ++k) ++count[{t[k], t[(k + 1) % 3]}];
+  }
+  int64_t out = 0;
+  for (const auto& [edge, times] : count) {
+    const auto back = count.find({edge.second, edge.first});
+    if (times != 1 || back == count.end()) ++out;
+  }
+  return out;
+}
+
+int twice_area(const PatternTriangle& t) {
+  const ivec2 u = t.p1 - t.p0, v = t.p2 - t.p0;
+  return u.x * v.y - u.y * v.x;
+}
+
+int level_of(const Pattern& pattern, const PatternTriangle& t) {
+  int out = pattern.levels() - 1;
+  for (const ivec2 way : {t.p1 - t.p0, t.p2 - t.p1, t.p0 - t.p2})
+    out = std::min(out, pattern.level(way.x, way.y));
+  return out;
+}
+
+constexpr int kMetrics[] = {LODLAB_METRIC_BOUND, LODLAB_METRIC_LENGTH, LODLAB_METRIC_CURVATURE};
+
+}  // namespace
+
+TEST_CASE("a million lines of control edges decide alike from both of their faces") {
+  const auto h = built(*bumpy(60, 30, false), 33);
+  const Rest rest(*h);
+  const Records& records = h->records();
+  const auto edge_record = [&](uint32_t e) -> const LineRecord& { return records.edge[e]; };
+  const int n = h->pattern().n();
+  Random random(5);
+  int64_t decided = 0, wanted = 0;
+  while (decided < 1'000'000) {
+    const View view = random_view(random);
+    const Camera camera = make_camera(view);
+    const int metric = kMetrics[random() % 3];
+    const Uniforms u = uniforms_of(*h, camera, metric);
+    const Step step = step_of(Projector(Projection::kStrict, camera), random_tau(random));
+    const RefineFrame frame{step.kappa, step.never, step.gain, u.low_code, metric, u.d};
+    const vec3 high(u.eye_high[0], u.eye_high[1], u.eye_high[2]),
+        low(u.eye_low[0], u.eye_low[1], u.eye_low[2]);
+    for (int64_t e = 0; e < h->samples().edges().count(); ++e) {
+      const auto sides = h->sides(e);
+      REQUIRE(sides.size() == 2);
+      const int length = n >> (random() % static_cast<unsigned>(u.d)),
+                first = length * static_cast<int>(random() % static_cast<unsigned>(n / length));
+      bool wants[2];
+      for (size_t k = 0; k < 2; ++k) {
+        const FaceRecord& face = records.face[sides[k] / 3];
+        const uint32_t side = sides[k] % 3;
+        const bool up = face.corner[side] < face.corner[(side + 1) % 3];
+        const auto point = [&](int along) {
+          const int s = up ? along : n - along;
+          return side == 0 ? ivec2(s, 0) : side == 1 ? ivec2(n - s, s) : ivec2(0, n - s);
+        };
+        const auto at = [&](size_t c) { return (rest.positions[face.corner[c]] - high) - low; };
+        wants[k] =
+            line_wants(frame, face, {at(0), at(1), at(2)}, point(first), point(first + length), edge_record);
+      }
+      CHECK(wants[0] == wants[1]);
+      ++decided;
+      wanted += wants[0] ? 1 : 0;
+    }
+  }
+  CHECK(wanted > decided / 20);
+  CHECK(wanted < decided - decided / 20);
+}
+
+TEST_CASE("refined faces tile the pattern and meet vertex to vertex, whatever decides") {
+  for (const int64_t degree : {3, 5, 17, 33}) {
+    CAPTURE(degree);
+    const auto h = built(*bumpy(48, 24, false), degree, 120);
+    const Rest rest(*h);
+    const Lying lies = rest.lying(*h);
+    const int n = h->pattern().n();
+    Random random(static_cast<unsigned>(degree));
+    for (int round = 0; round < 12; ++round) {
+      CAPTURE(round);
+      const Camera camera = make_camera(random_view(random));
+      const Uniforms u = uniforms_of(*h, camera, kMetrics[round % 3]);
+      const Step step = step_of(Projector(Projection::kStrict, camera), random_tau(random));
+      const Refinement refinement(lies, u, step);
+      for (size_t f = 0; f < h->records().face.size(); ++f) {
+        int area = 0;
+        int64_t left = 0;
+        const int64_t tested = refinement.for_triangles(f, [&](const PatternTriangle& t) {
+          CHECK(twice_area(t) > 0);
+          area += twice_area(t);
+          ++left;
+        });
+        CHECK(area == n * n);
+        CHECK(tested == 2 * left - 1);
+      }
+      CHECK(unmatched(all_triangles(*h, refinement)) == 0);
+    }
+  }
+}
+
+TEST_CASE("the pattern itself is reached, and no bound beyond the budget is drawn that it could refine") {
+  const auto h = built(*bumpy(60, 30, false), 17);
+  const Rest rest(*h);
+  const Lying lies = rest.lying(*h);
+  const Pattern& pattern = h->pattern();
+  Random random(9);
+  std::vector<vec3> points(static_cast<size_t>(pattern.points()));
+  for (int round = 0; round < 40; ++round) {
+    const Camera camera = make_camera(random_view(random));
+    const Uniforms u = uniforms_of(*h, camera, LODLAB_METRIC_BOUND);
+    const Projector projector(Projection::kStrict, camera);
+    const double tau = round == 0 ? 1e-300 : random_tau(random);
+    const Refinement refinement(lies, u, step_of(projector, tau));
+    const glm::dvec3 eye = camera.eye - h->centre();
+    for (size_t f = 0; f < h->records().face.size(); ++f) {
+      h->displaced().of_face(static_cast<int64_t>(f), points);
+      int64_t left = 0;
+      refinement.for_triangles(f, [&](const PatternTriangle& t) {
+        ++left;
+        const int level = level_of(pattern, t);
+        if (level == pattern.levels() - 1) return;
+        const double bound = h->stored().bound(static_cast<int64_t>(f), level);
+        const auto at = [&](ivec2 p) {
+          return glm::dvec3(points[static_cast<size_t>(pattern.point(p.x, p.y))]);
+        };
+        const double distance = closest_on_triangle({at(t.p0), at(t.p1), at(t.p2)}, eye).distance;
+        CHECK(projector.project(bound, {std::max(0.0, distance - bound), 1.0}) <= tau);
+      });
+      if (round == 0) CHECK(left == pattern.n() * pattern.n());
+    }
+  }
+}
+
+TEST_CASE("the GPU draws the twin's triangles, bit for bit and in its order") {
+  const auto resolved = [](Session& session, const View& view, const Budget& budget) {
+    Cut cut = session.select({view, budget, nullptr});
+    session.resolve(cut);
+    return cut;
+  };
+  for (const bool open : {false, true}) {
+    for (const char* bits : {"32", "16", "11"}) {
+      const auto mesh = bumpy(60, 30, open);
+      const testing::TemporaryFolder folder;
+      const auto store = build_store(
+          *mesh, subdivision_method(),
+          {{"target", int64_t{150}}, {"bits", std::string(bits)}, {"degree", int64_t{open ? 9 : 17}}},
+          folder / "a.lod", BuildMode::kNew, {});
+      const auto h = std::dynamic_pointer_cast<const SubdivisionHierarchy>(subdivision_method().open(store));
+      const Rest rest(*h);
+      const Lying lies = rest.lying(*h);
+      Random random(3);
+      std::vector<vec3> points(static_cast<size_t>(h->pattern().points()));
+      for (int round = 0; round < 9; ++round) {
+        const char* const metric[] = {"bound", "length", "curvature"};
+        const auto session =
+            h->session(resolve_options("subdivision", subdivision_method().info().options, Stage::kDraw,
+                                       {{"metric", std::string(metric[round % 3])}}));
+        const View view = random_view(random);
+        const Camera camera = make_camera(view);
+        const double tau = random_tau(random);
+        Budget budget;
+        budget.pixel_error = tau;
+        if (round % 2 == 1) budget.triangles = 1 + random() % 20000;
+        const Cut cut = resolved(*session, view, budget);
+        const Uniforms u = uniforms_of(*h, camera, kMetrics[round % 3]);
+        const Step step = step_of(Projector(Projection::kStrict, camera), cut.claim->tau);
+        const Refinement refinement(lies, u, step);
+        const vec3 high(u.eye_high[0], u.eye_high[1], u.eye_high[2]),
+            low(u.eye_low[0], u.eye_low[1], u.eye_low[2]);
+        for (const bool everything : {false, true}) {
+          CAPTURE(round);
+          CAPTURE(everything);
+          const render::DrawCall call{[&](render::Work& work) { session->prepare(cut, work); },
+                                      [&](render::Pass& pass) { session->draw(cut, pass); }};
+          const render::Captured captured = render::capture(camera, call, everything);
+          size_t next = 0, wrong = 0;
+          for (size_t f = 0; f < h->records().face.size(); ++f) {
+            if (!everything && !refinement.visible(f)) continue;
+            h->displaced().of_face(static_cast<int64_t>(f), points);
+            refinement.for_triangles(f, [&](const PatternTriangle& t) {
+              for (const ivec2 p : {t.p0, t.p1, t.p2}) {
+                if (next == captured.vertices.size()) return;
+                const render::CapturedVertex& v = captured.vertices[next++];
+                const vec3 there = (points[static_cast<size_t>(h->pattern().point(p.x, p.y))] - high) - low;
+                if (vec3(v.x, v.y, v.z) != there || v.node != f) ++wrong;
+              }
+            });
+          }
+          CHECK(wrong == 0);
+          CHECK(next == captured.vertices.size());
+          if (!everything) CHECK(captured.triangles() == cut.claim->triangles);
+        }
+      }
+    }
+  }
+}
