@@ -7,6 +7,7 @@
 #include "base/errors.h"
 #include "methods/subdivision/bounds.h"
 #include "methods/subdivision/displacement.h"
+#include "methods/subdivision/stored_control.h"
 #include "methods/subdivision/subdivision.h"
 
 namespace lodlab::subdivision {
@@ -19,13 +20,6 @@ constexpr int64_t kFewFaces = 256;
 int64_t default_target(const Mesh& mesh, const Pattern& pattern) {
   const auto faces = static_cast<int64_t>(mesh.faces.size()), a_face = int64_t{pattern.n()} * pattern.n();
   return std::max(kFewFaces, (faces + a_face - 1) / a_face);
-}
-
-ControlMesh at_rest(const ControlMesh& c, const glm::dvec3& centre) {  // TEMP
-  ControlMesh out = c;
-  for (auto& p : out.positions) p = glm::dvec3(vec3(p - centre));
-  for (auto& n : out.normals) n = glm::dvec3(vec3(n));
-  return out;
 }
 
 }  // namespace
@@ -45,40 +39,15 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   const SourceSurface surface(mesh);
   ControlMesh control = control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress);
   const bool reached = control.reached_target;
-  stored.control = at_rest(control, surface.centre);
+  stored.control = subdivision::stored(control, surface.centre);
   stored.control.faces =
       as_coded(stored.control.faces, static_cast<int64_t>(stored.control.positions.size()));
   const Samples samples(stored.control, pattern);
-  ControlMesh moved = stored.control;  // TEMP
-  for (auto& p : moved.positions) p += surface.centre;
-  const Samples old_samples(moved, pattern);
-  Displacement displacement = displace(surface, moved, old_samples,
-                                       interpolation ? Sampling::kInterpolation : Sampling::kIntersection);
-  std::vector<float> scale(displacement.heights.size(), 1.0f);  // TEMP
-  {
-    const int n = pattern.n();
-    std::vector<int64_t> of(static_cast<size_t>(pattern.points()));
-    for (int64_t f = 0; f < samples.control_faces(); ++f) {
-      samples.of_face(f, of);
-      const Face& v = stored.control.faces[static_cast<size_t>(f)];
-      for (int j = 0; j <= n; ++j) {
-        for (int i = 0; i + j <= n; ++i) {
-          const glm::dvec3 sum =
-              (double(n - i - j) * stored.control.normals[v[0]] + double(i) * stored.control.normals[v[1]] +
-               double(j) * stored.control.normals[v[2]]) /
-              double(n);
-          scale[static_cast<size_t>(of[static_cast<size_t>(pattern.point(i, j))])] =
-              static_cast<float>(glm::length(sum));
-        }
-      }
-    }
-  }
-  std::vector<float> along = displacement.heights;
-  for (size_t i = 0; i < along.size(); ++i) along[i] /= scale[i];
-  stored.packed = pack(samples, along, bits);
-  std::vector<float> heights = unpack(samples, stored.packed);
-  for (size_t i = 0; i < along.size(); ++i) heights[i] *= scale[i];
-  const Bounds found = bounds(surface, moved, samples, displacement, heights);
+  const Displacement displacement = displace(
+      surface, stored.control, samples, interpolation ? Sampling::kInterpolation : Sampling::kIntersection);
+  stored.packed = pack(samples, displacement.heights, bits);
+  const std::vector<float> heights = unpack(samples, stored.packed);
+  const Bounds found = bounds(surface, stored.control, samples, displacement, heights);
 
   Stored::Shape& shape = stored.shape;
   shape = {};

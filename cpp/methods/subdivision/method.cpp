@@ -61,7 +61,7 @@ class Subdivision : public Method {
 SubdivisionHierarchy::SubdivisionHierarchy(std::shared_ptr<const Store> store)
     : stored_(get(*store)),
       samples_(stored_.control, Pattern::of_degree(stored_.shape.degree)),
-      displaced_(stored_.control, samples_, unpack(samples_, stored_.packed)),
+      displaced_(samples_, unpack(samples_, stored_.packed)),
       records_(records_at_rest(stored_, displaced_)) {}
 
 Box SubdivisionHierarchy::box() const {

@@ -41,43 +41,11 @@ LineRecord larger(LineRecord a, const LineRecord& b) {
 
 }  // namespace
 
-Displaced::Displaced(const ControlMesh& control, const Samples& samples, std::vector<float> heights)
-    : samples_(samples), heights_(std::move(heights)), positions_(heights_.size()) {
-  const Pattern& pattern = samples.pattern();
-  const float step = 1.0f / static_cast<float>(pattern.n());
-  const auto put = [&](int64_t sample, const Face& corner, const vec3& weights) {
-    const auto at = [&](size_t k) { return vec3(control.positions[corner[k]]); };
-    const auto along = [&](size_t k) { return vec3(control.normals[corner[k]]); };
-    const auto s = static_cast<size_t>(sample);
-    positions_[s] =
-        subdivision::displaced(at(0), at(1), at(2), along(0), along(1), along(2), weights, heights_[s]);
-  };
-  for (uint32_t v = 0; v < static_cast<uint32_t>(samples.first_on_edges()); ++v)
-    put(v, {v, v, v}, {1.0f, 0.0f, 0.0f});
-  const int64_t on_edge = pattern.n() - 1;
-  parallel_for(samples.edges().count(), kGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t e = begin; e < end; ++e) {
-      const uint32_t side = samples.edges().of(e)[0];
-      const auto [a, b] =
-          std::minmax({vertex_of(control.faces, side), vertex_of(control.faces, side_end(side))});
-      for (int64_t k = 1; k <= on_edge; ++k) {
-        const float w = static_cast<float>(k) * step;
-        put(samples.first_on_edges() + e * on_edge + k - 1, {a, b, a}, {1.0f - w, w, 0.0f});
-      }
-    }
-  });
-  parallel_for(samples.control_faces(), kGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t f = begin; f < end; ++f) {
-      int64_t s = samples.first_inside() + f * pattern.inside();
-      for (int j = 1; j < pattern.n(); ++j) {
-        for (int i = 1; i + j < pattern.n(); ++i) {
-          const vec3 weights(static_cast<float>(pattern.n() - i - j) * step, static_cast<float>(i) * step,
-                             static_cast<float>(j) * step);
-          put(s++, control.faces[static_cast<size_t>(f)], weights);
-        }
-      }
-    }
-  });
+Displaced::Displaced(const Samples& samples, std::vector<float> heights)
+    : samples_(samples), heights_(std::move(heights)) {
+  const std::vector<Samples::Place> places = samples.places();
+  for (size_t s = 0; s < places.size(); ++s)
+    positions_.push_back(subdivision::displaced(places[s].position, places[s].normal, heights_[s]));
 }
 
 void Displaced::of_face(int64_t face, std::span<vec3> out) const {

@@ -53,7 +53,7 @@ Stored get(const Store& store);
 /// Where each point of the pattern of a face lies: floats relative to the centre, at rest.
 class Displaced {
  public:
-  Displaced(const ControlMesh& control, const Samples& samples, std::vector<float> heights);
+  Displaced(const Samples& samples, std::vector<float> heights);
   const Samples& samples() const { return samples_; }
   /// Of the points of a face, in the pattern's order.
   void of_face(int64_t face, std::span<vec3> out) const;
