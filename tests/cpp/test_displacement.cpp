@@ -400,6 +400,89 @@ TEST_CASE("bounds: no mixture of levels is farther from the source than they say
   }
 }
 
+/// A bowl with a round rim, of `n` rings.
+Arrays bowl(uint32_t n, double depth) {
+  Arrays out;
+  out.positions.push_back({0.0, 0.0, -depth});
+  const uint32_t round = 4 * n;
+  for (uint32_t ring = 1; ring <= n; ++ring) {
+    for (uint32_t k = 0; k < round; ++k) {
+      const double r = static_cast<double>(ring) / n, angle = 6.283185307179586 * k / round;
+      out.positions.push_back({r * std::cos(angle), r * std::sin(angle), depth * (r * r - 1.0)});
+      const uint32_t next = (k + 1) % round, in = 1 + (ring - 2) * round, at = 1 + (ring - 1) * round;
+      if (ring == 1) {
+        out.faces.push_back({0, at + k, at + next});
+      } else {
+        out.faces.push_back({in + k, at + k, at + next});
+        out.faces.push_back({in + k, at + next, in + next});
+      }
+    }
+  }
+  return out;
+}
+
+TEST_CASE("bounds: a border of what is drawn is within them of the source's border, at every level") {
+  Arrays slit;  // 0.2 long; the control mesh's is 0.6
+  add_sheet(slit, 50, true, [](double, double) { return 0.0; });
+  std::erase_if(slit.faces, [&](const Face& f) {
+    const glm::dvec3 p = (slit.positions[f[0]] + slit.positions[f[1]] + slit.positions[f[2]]) / 3.0;
+    return p.x > 0.4 && p.x < 0.6 && p.y > 0.5 && p.y < 0.52;
+  });
+  const Arrays round_slit = {
+      {{0, 0, 0},
+       {1, 0, 0},
+       {1, 1, 0},
+       {0, 1, 0},
+       {0.2, 0.5, 0},
+       {0.8, 0.5, 0},
+       {0.8, 0.52, 0},
+       {0.2, 0.52, 0}},
+      {{0, 1, 4}, {1, 5, 4}, {1, 2, 5}, {2, 6, 5}, {2, 3, 6}, {3, 7, 6}, {3, 0, 7}, {0, 4, 7}}};
+  const auto shallow = mesh_of(bowl(16, 0.05)), deep = mesh_of(bowl(16, 0.8));
+  struct Case {
+    std::shared_ptr<const Mesh> mesh;
+    ControlMesh control;
+  };
+  double above = 0.0;  // the finest surface's, between a border's points and the surface
+  for (const Case& c :
+       {Case{shallow, control_mesh(*shallow, 40, {})}, Case{deep, control_mesh(*deep, 40, {})},
+        Case{mesh_of(slit), control_of(round_slit, upwards)}}) {
+    const SourceSurface source(*c.mesh);
+    const ControlMesh control = stored(c.control, source.centre);
+    const Samples samples(control, Pattern::of_degree(9));
+    const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+    const Bounds bound = bounds(source, control, samples, d, d.heights);
+    const WeldedMesh finest = displaced(samples, d, d.heights), segments = unmatched_edges(source.mesh);
+    const MeshSurface border(segments);
+    const int n = samples.pattern().n();
+    int seen = 0;
+    for (int64_t f = 0; f < samples.control_faces(); ++f) {
+      for (int side = 0; side < 3; ++side) {
+        if (samples.edges().of(samples.edge(f, side)).size() != 1) continue;
+        ++seen;
+        const auto at = [&](int k) {
+          const int ij[3][2] = {{k, 0}, {n - k, k}, {0, n - k}};
+          return finest.positions[static_cast<size_t>(samples.of(f, ij[side][0], ij[side][1]))];
+        };
+        for (int from = 0; from < n; ++from) {
+          for (int to = from + 1; to <= n; ++to) {
+            const auto level = static_cast<size_t>(samples.pattern().level(to - from, 0));
+            const double most = bound.face[static_cast<size_t>(f * bound.levels) + level];
+            for (int k = 0; k <= 20; ++k) {
+              const glm::dvec3 point = glm::mix(at(from), at(to), 0.05 * k);
+              const double away = border.closest(point).distance;
+              REQUIRE(away <= most);
+              above = std::max(above, away - source.surface.closest(point).distance);
+            }
+          }
+        }
+      }
+    }
+    CHECK(seen > 3);
+  }
+  CHECK(above > 0.1);  // a bound of the surface is none of its border
+}
+
 TEST_CASE("bounds: of the finest surface they are close to what is measured, and threads change nothing") {
   const SourceSurface source(*mesh_of(bumps(40)));
   const ControlMesh control = stored(flat_control(2), source.centre);

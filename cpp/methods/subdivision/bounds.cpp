@@ -24,6 +24,9 @@ constexpr int64_t kMostParts = 64;
 /// Of so many triangles one is measured at its centre, for distances that most others do not exceed.
 constexpr int64_t kFirstOf = 4;
 
+/// Parts that a border may be cut into.
+constexpr int64_t kMostPieces = int64_t{1} << 28;
+
 /// Distances below this share of the meshes' extent are as good as none.
 constexpr double kNegligible = 1e-7;
 
@@ -138,6 +141,31 @@ void cover_source(const SourceSurface& source, const MeshSurface& finest,
       covering.cover(source.mesh.triangle(t),
                      at_vertices[source.mesh.faces[static_cast<size_t>(t)][0]].triangle);
   });
+}
+
+/// From the finest border to the source's, where there is one: what is drawn of a control edge that only one
+/// face has is held to that face.
+void cover_borders(const SourceSurface& source, const Samples& samples, const WeldedMesh& finest,
+                   double extent, std::vector<double>& bound) {
+  const WeldedMesh segments = unmatched_edges(source.mesh);
+  if (segments.faces.empty()) return;
+  const MeshSurface border(segments);
+  const auto inner = static_cast<uint32_t>(samples.pattern().n() - 1);
+  for (int64_t e = 0; e < samples.edges().count(); ++e) {
+    if (samples.edges().of(e).size() != 1) continue;
+    const uint32_t side = samples.edges().of(e)[0];
+    const auto [low, high] = samples.ends(e);
+    WeldedMesh line;
+    line.positions.push_back(finest.positions[low]);
+    for (uint32_t k = 0; k <= inner; ++k) {
+      const auto next = samples.first_on_edges() + e * inner + k;
+      line.positions.push_back(finest.positions[k < inner ? static_cast<size_t>(next) : high]);
+      line.faces.push_back({k, k + 1, k + 1});
+    }
+    double& most = bound[side / 3];
+    most = std::max(most, (1.0 + kMaxTolerance) * largest_distance(line, closest_to_vertices(line, border),
+                                                                   border, extent, kMostPieces));
+  }
 }
 
 /// The extents of what a window of samples has left when its least-squares affine map is subtracted, as the
@@ -257,6 +285,7 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
   cover_finest(source, finest, displacement.near, a_face, kNegligible * extent, distance);
   const std::vector<Closest> at_vertices = closest_to_vertices(source.mesh, surface);
   cover_source(source, surface, at_vertices, a_face, kNegligible * extent, distance);
+  cover_borders(source, samples, finest, extent, distance);
 
   Bounds out;
   out.levels = pattern.levels();

@@ -6,9 +6,9 @@
 // the face's bounds, those on a control edge the edge's: the larger of its two faces'. Bounds fall with the
 // level.
 //
-// A bound is the finest surface's distance to the source, both ways, plus what the coarser triangles are off
-// from the finest ones at equal weights. METHOD.md derives the second from the range of what is left of the
-// samples' ends when an affine map is subtracted.
+// A bound is the finest surface's distance to the source, both ways, and of a border's from the source's,
+// plus what the coarser triangles are off from the finest ones at equal weights. METHOD.md derives the second
+// from the range of what is left of the samples' ends when an affine map is subtracted.
 #pragma once
 
 #include "methods/subdivision/displacement.h"

@@ -49,6 +49,11 @@ Samples::Samples(const ControlMesh& control, Pattern pattern)
   }
 }
 
+std::pair<uint32_t, uint32_t> Samples::ends(int64_t edge) const {
+  const uint32_t side = edges_.of(edge)[0];
+  return std::minmax({vertex_of(control_.faces, side), vertex_of(control_.faces, side_end(side))});
+}
+
 int64_t Samples::of(int64_t face, int i, int j) const {
   const int n = pattern_.n(), k = n - i - j;
   const Face& f = control_.faces[static_cast<size_t>(face)];
@@ -89,9 +94,7 @@ std::vector<Samples::Place> Samples::places() const {
   for (uint32_t v = 0; v < control_.positions.size(); ++v) out[v] = place(v, v, v, 0, 0);
   parallel_for(edges_.count(), kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t e = begin; e < end; ++e) {
-      const uint32_t side = edges_.of(e)[0];
-      const auto [a, b] =
-          std::minmax({vertex_of(control_.faces, side), vertex_of(control_.faces, side_end(side))});
+      const auto [a, b] = ends(e);
       for (int s = 1; s < n; ++s)
         out[static_cast<size_t>(vertices_ + e * (n - 1) + s - 1)] = place(a, b, a, s, 0);
     }

@@ -55,6 +55,8 @@ class Samples {
   int64_t of(int64_t face, int i, int j) const;
   /// Of all points of a face, in the pattern's order.
   void of_face(int64_t face, std::span<int64_t> out) const;
+  /// The lower and the higher vertex of an edge.
+  std::pair<uint32_t, uint32_t> ends(int64_t edge) const;
   int64_t edge(int64_t face, int side) const { return edge_of_side_[static_cast<size_t>(3 * face + side)]; }
 
   /// Where each lies on the control mesh, and the normal there, interpolated and not of unit length, in the
