@@ -57,6 +57,7 @@ def test_frames_have_exactly_the_columns_and_a_row_a_frame(run):
     assert set(run.frames["source"]) == {SOURCE}
     assert set(run.frames["path"]) == {"flyover"}
     assert set(run.frames["device"]) == {_core.gl_info()["renderer"]}
+    assert (run.frames["processed_triangles"] == 0).all(), "whole nodes are tested, no triangle is"
 
 
 def test_accuracy_frames_are_evenly_spaced_and_the_others_undefined(run):

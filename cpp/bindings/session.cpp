@@ -174,6 +174,7 @@ py::dict cost_columns(const FrameCost& cost, const Claim& claim) {
   out["resident_bytes"] = cost.resident_bytes;
   out["page_misses"] = claim.missing_nodes;
   out["adapt_steps"] = claim.adapt_steps;
+  out["processed_triangles"] = submitted.processed;
   return out;
 }
 

@@ -41,6 +41,7 @@ enum MapUnit : unsigned { kColorUnit = 0, kNormalUnit = 1 };
 struct Submitted {
   int64_t triangles = 0, filler_triangles = 0, vertices = 0, nodes = 0, draw_calls = 0;
   int64_t upload_bytes = 0;
+  int64_t processed = 0;  ///< triangles that passes or threads tested, once for each test; 0: whole nodes are
 };
 
 enum class SurfaceKind { kFlat, kPlanet, kMesh };

@@ -55,6 +55,7 @@ COSTS: tuple[Column, ...] = (
     Column("resident_bytes", "bytes", "Bytes held on the GPU after this frame."),
     Column("page_misses", "count", "Nodes drawn coarser than selected, as their data was not there yet."),
     Column("adapt_steps", "count", "Steps of selecting: moves made or tried, nodes looked at; 0: not counted."),
+    Column("processed_triangles", "count", "Triangles tested by any pass or thread; 0 where whole nodes are."),
 )  # fmt: skip
 EXTRAS: tuple[Column, ...] = (
     Column("accuracy", FLAG, "The frame was measured; accuracy columns of others are nan, but for predicted_px."),
