@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 
 import lodlab as lod
+from lodlab import lab
 from lodlab.errors import InvalidInput, StoreError, Unsupported
 from lodlab.runs import configs, directory, tables, toml
+from lodlab.stores import methods
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -253,6 +255,18 @@ def test_methods_that_do_not_accept_a_source_are_refused_by_name(field_array):
         lod.compare(planet, methods=[refusing], frames=2, size=(64, 64), progress=False)
     fine = lod.compare(planet, frames=2, size=(64, 64), accuracy_frames=1, progress=False)
     assert refusing not in set(fine.summary["method"])
+
+
+def test_compare_leaves_out_and_names_what_needs_another_mesh(monkeypatch):
+    fault = "method discrete needs a closed mesh: this one has 3 edges of one triangle"
+    monkeypatch.setattr(methods, "lacking", lambda source, method: fault if method == "discrete" else "")
+    monkeypatch.setattr(lab, "lacking", methods.lacking)
+    few = {"pixel_errors": [2.0], "frames": 2, "size": (64, 64), "accuracy_frames": 1, "progress": False}
+    with pytest.warns(UserWarning, match=f"left out: {fault}"):
+        result = lod.compare("icosphere:level=2", **few)
+    assert "full" in set(result.summary["method"]) and "discrete" not in set(result.summary["method"])
+    with pytest.raises(InvalidInput, match=fault):
+        lod.compare("icosphere:level=2", methods=["discrete"], **few)
 
 
 def test_option_grids_name_their_runs_by_what_varies():

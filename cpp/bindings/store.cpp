@@ -117,9 +117,17 @@ py::list list_methods() {
     for (const OptionSpec& option : info.options) options.append(describe(option));
     entry["options"] = options;
     entry["by_rows"] = info.by_rows;
+    entry["needs"] = name_of(info.needs);
     out.append(entry);
   }
   return out;
+}
+
+std::string lacking_of(const std::string& method, const std::shared_ptr<Source>& source) {
+  const MethodInfo& info = find_method(method).info();
+  const Source& mesh = *given("lacking: source", source);
+  const py::gil_scoped_release release;
+  return lacking(info, mesh);
 }
 
 py::dict resolve(const std::string& method, const std::string& stage, const py::dict& given) {
@@ -358,6 +366,8 @@ py::dict options_to_dict(const Options& options) {
 void bind_store(py::module_& m) {
   bind_store_class(m);
   m.def("methods", &list_methods, "Every method with its option table, as `lodlab methods --json`.");
+  m.def("lacking", &lacking_of, py::arg("method"), py::arg("source"),
+        "What a method needs of a mesh and this one lacks, a sentence with counts; empty: nothing.");
   m.def("resolve_options", &resolve, py::arg("method"), py::arg("stage"), py::arg("options"),
         "The values of all options of a stage ('build' or 'draw'). InvalidInput for an unknown name or a bad "
         "value.");

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "geometry/mesh_edges.h"
+#include "geometry/mesh_repair.h"
 
 namespace lodlab {
 namespace {
@@ -96,6 +97,22 @@ MeshCensus mesh_census(const MeshArrays& mesh) {
   for (size_t t = 0; t < first.size(); ++t) out.duplicate_triangles += first[t] != t;
   out.unused_vertices = unused(mesh);
   return out;
+}
+
+MeshCensus surface_census(const MeshArrays& mesh) {
+  const std::vector<uint32_t> first = first_at_position(mesh.positions);
+  const std::vector<Face> welded = renamed(mesh.faces, first);
+  const MeshCensus census = mesh_census({mesh.positions, welded, {}, {}, nullptr});
+  const bool torn = census.components > 0 && !manifold_faults(census).empty();
+  return torn && is_split(mesh.faces, first) ? mesh_census(mesh) : census;
+}
+
+std::string manifold_faults(const MeshCensus& census) {
+  if (census.components == 0) return "none of its triangles has corners at three positions, 0 components";
+  if (census.nonmanifold_edges == 0 && census.nonmanifold_vertices == 0 && census.oriented) return {};
+  return "it has " + std::to_string(census.nonmanifold_edges) + " edges of three triangles or more, " +
+         std::to_string(census.nonmanifold_vertices) + " vertices of several fans, and is " +
+         (census.oriented ? "" : "not ") + "oriented alike (repair=split,orient mends what has two sides)";
 }
 
 }  // namespace lodlab

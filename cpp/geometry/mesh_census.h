@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "geometry/mesh.h"
 
@@ -25,6 +26,12 @@ struct MeshCensus {
   bool oriented = true;              ///< no two triangles run along an edge in the same sense
 };
 MeshCensus mesh_census(const MeshArrays& mesh);
+
+/// Of the mesh as a surface: vertices at equal positions are one, but for those that a repair has split.
+MeshCensus surface_census(const MeshArrays& mesh);
+
+/// Why it is no oriented manifold, with counts; empty: it is one.
+std::string manifold_faults(const MeshCensus& census);
 
 /// Whether a triangle names a vertex twice, or its area, computed in doubles, is 0.
 bool degenerate(const MeshArrays& mesh, const Face& face);

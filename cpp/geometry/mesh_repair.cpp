@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "geometry/mesh_repair.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
@@ -42,8 +43,7 @@ void weld(const MeshArrays& mesh, Repaired& out) {
   const std::vector<uint32_t> first = first_at_position(mesh.positions);
   std::vector<uint8_t> keep(first.size());
   for (size_t v = 0; v < first.size(); ++v) keep[v] = first[v] == v;
-  for (Face& face : out.faces)
-    for (uint32_t& v : face) v = first[v];
+  out.faces = renamed(out.faces, first);
   out.welded = drop_vertices(out, keep);
 }
 
@@ -154,6 +154,26 @@ void drop_unused(Repaired& out) {
 }
 
 }  // namespace
+
+std::vector<Face> renamed(std::span<const Face> faces, std::span<const uint32_t> name) {
+  std::vector<Face> out(faces.begin(), faces.end());
+  for (Face& face : out)
+    for (uint32_t& v : face) v = name[v];
+  return out;
+}
+
+bool is_split(std::span<const Face> faces, std::span<const uint32_t> first) {
+  const std::vector<Face> welded = renamed(faces, first);
+  const MeshEdges edges = mesh_edges(welded, static_cast<int64_t>(first.size()));
+  const auto ends = [&](uint32_t side) {
+    return std::minmax({vertex_of(faces, side), vertex_of(faces, side_end(side))});
+  };
+  for (int64_t edge = 0; edge < edges.count(); ++edge) {
+    const auto sides = edges.of(edge);
+    if (sides.size() == 2 && ends(sides[0]) != ends(sides[1])) return false;
+  }
+  return true;
+}
 
 std::vector<uint32_t> first_at_position(std::span<const glm::dvec3> positions) {
   constexpr uint32_t kEmpty = ~uint32_t{0};

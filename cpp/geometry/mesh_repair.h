@@ -41,4 +41,11 @@ Repaired repair(const MeshArrays& mesh, const Repairs& wanted);
 /// For each position the first one that equals it: itself, or an earlier one.
 std::vector<uint32_t> first_at_position(std::span<const glm::dvec3> positions);
 
+/// The faces by other names of their vertices.
+std::vector<Face> renamed(std::span<const Face> faces, std::span<const uint32_t> name);
+
+/// Whether vertices at equal positions (`first`: first_at_position) are apart only where triangles do not
+/// make a manifold: what a split leaves.
+bool is_split(std::span<const Face> faces, std::span<const uint32_t> first);
+
 }  // namespace lodlab

@@ -7,6 +7,7 @@
 
 #include "base/errors.h"
 #include "geometry/height_field.h"
+#include "geometry/mesh_census.h"
 #include "method/method.h"
 
 namespace lodlab {
@@ -35,9 +36,31 @@ void check_accepts(const MethodInfo& info, const Source& source) {
   }
   if (!info.by_rows && dynamic_cast<const FieldSource*>(&source) != nullptr)
     field_in_memory(source, "build: method " + info.name);
+  if (const std::string fault = lacking(info, source); !fault.empty()) throw InvalidInput("build: " + fault);
 }
 
 }  // namespace
+
+std::string name_of(Needs needs) {
+  constexpr const char* kNames[] = {"", "manifold", "closed", "genus 0"};
+  return kNames[static_cast<size_t>(needs)];
+}
+
+std::string lacking(const MethodInfo& info, const Source& source) {
+  const auto* mesh = dynamic_cast<const Mesh*>(&source);
+  if (mesh == nullptr || info.needs == Needs::kAnything) return {};
+  const MeshCensus census = surface_census(*mesh);
+  const std::string method = "method " + info.name;
+  if (const std::string faults = manifold_faults(census); !faults.empty())
+    return method + " needs an oriented manifold: " + faults;
+  if (info.needs >= Needs::kClosed && census.boundary_edges > 0) {
+    return method + " needs a closed mesh: this one has " + std::to_string(census.boundary_edges) +
+           " edges of one triangle";
+  }
+  if (info.needs >= Needs::kGenusZero && census.genus != 0)
+    return method + " needs a mesh of genus 0: the genus is " + std::to_string(*census.genus);
+  return {};
+}
 
 std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
                                          const std::map<std::string, OptionValue>& options,

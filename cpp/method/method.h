@@ -32,6 +32,10 @@ struct Budget {
   std::optional<int64_t> nodes;       ///< hard limit on submitted nodes
 };
 
+/// What kind of surface a mesh must be, vertices at equal positions made one; each is the one before it, too.
+enum class Needs { kAnything, kManifold, kClosed, kGenusZero };  // manifold: oriented alike
+std::string name_of(Needs needs);
+
 struct MethodInfo {
   std::string name;
   std::string summary;               ///< one sentence
@@ -40,6 +44,7 @@ struct MethodInfo {
   bool reproduces_source = false;    ///< the finest cut is the source up to the store's quantum
   std::vector<OptionSpec> options;   ///< of both stages
   bool by_rows = false;              ///< builds from sources larger than memory, too
+  Needs needs = Needs::kAnything;    ///< of a mesh: builds of others are refused
 };
 
 /// A row per node and resolution: what `store.nodes` shows.
@@ -224,9 +229,12 @@ const Method& find_method(const std::string& name);
 /// For tests: adds a method to the registry until the process ends.
 void register_method(const Method* method);
 
-/// Checks that the method accepts the source and its windows (Unsupported) and the options (InvalidInput),
-/// builds into `path` (temporary name, renamed when complete), returns the opened store. `brought`: the
-/// meshes that options name.
+/// What a method needs and a mesh lacks, a sentence with counts; empty: nothing.
+std::string lacking(const MethodInfo& info, const Source& source);
+
+/// Checks that the method accepts the source and its windows (Unsupported), that the source has what the
+/// method needs (InvalidInput, with counts), and the options (InvalidInput), builds into `path` (temporary
+/// name, renamed when complete), returns the opened store. `brought`: the meshes that options name.
 std::shared_ptr<const Store> build_store(const Source& source, const Method& method,
                                          const std::map<std::string, OptionValue>& options,
                                          const std::string& path, BuildMode mode, const Progress& progress,

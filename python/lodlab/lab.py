@@ -30,7 +30,7 @@ from .runs.sweep import Sweep
 from .runs.toml import read_config
 from .runs.workshop import Workshop, check_tasks, enter_flight, hashes_of, make_all, take_in
 from .sources.datasets import as_source
-from .stores.methods import method_table
+from .stores.methods import lacking, method_table
 from .stores.store import Store, as_store
 
 __all__ = ["compare", "fit", "fly", "sweep"]
@@ -221,7 +221,8 @@ def compare(
     keep_mb: float = KEPT_MB,
     progress: bool = True,
 ) -> Sweep:
-    """Every method that accepts the source, and `full`, over a grid of budgets.
+    """Every method that accepts the source, and `full`, over a grid of budgets. Methods that need what a mesh lacks
+    are left out, and a warning says so with counts.
 
     `source`: SOURCE text, HeightField or 2-D array. Budgets default to pixel errors 0.5, 1, 2, 4, 8; where
     several kinds are given, every combination is flown, and methods that lack one of them are left out unless
@@ -242,6 +243,10 @@ def compare(
             for m in _core.methods()
             if field.kind in m["accepts"] and (not m["budgets"] or set(wanted) <= set(m["budgets"]))
         ]
+        faults = {m: lacking(field, m) for m in methods}
+        for fault in filter(None, faults.values()):
+            warnings.warn(f"compare: left out: {fault}", stacklevel=2)
+        methods = [m for m in methods if not faults[m]]
     elif "full" not in methods:
         methods = ["full", *methods]
     for method in options or {}:

@@ -214,7 +214,8 @@ TEST_CASE("what is no oriented manifold is refused with counts; what a repair ha
   std::swap(turned.faces[0][0], turned.faces[0][1]);
   CHECK_THROWS_WITH_AS(
       control_mesh(*mesh_from(turned), 1, {}),
-      doctest::Contains("not oriented alike; it must be an oriented manifold: repair=split,orient"),
+      doctest::Contains("must be an oriented manifold: it has 0 edges of three triangles or more, 0 vertices "
+                        "of several fans, and is not oriented alike (repair=split,orient"),
       InvalidInput);
   Arrays touching = tetrahedron();  // at one vertex
   touching.positions.insert(touching.positions.end(), {{-1, 0, 0}, {0, -1, 0}, {0, 0, -1}});

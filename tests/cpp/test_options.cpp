@@ -7,6 +7,7 @@
 
 #include <limits>
 
+#include "geometry/mesh.h"
 #include "method/registry.h"
 #include "store_fixture.h"
 
@@ -43,9 +44,11 @@ std::string message_of(const Work& work) {
 /// Puts ten pages whose bytes depend on nothing; can be told to stop half-way.
 class Toy : public Method {
  public:
-  explicit Toy(std::string name, std::vector<std::string> accepts = {"heightfield"}) {
+  explicit Toy(std::string name, std::vector<std::string> accepts = {"heightfield"},
+               Needs needs = Needs::kAnything) {
     info_.name = std::move(name);
     info_.accepts = std::move(accepts);
+    info_.needs = needs;
     info_.budgets = {"pixel_error", "triangles"};
     info_.options = kTable;
   }
@@ -190,6 +193,65 @@ TEST_CASE("a build that cannot be is refused before anything is written") {
   CHECK_THROWS_AS(build(small_field(), Toy("mesher", {"mesh"}), {}), Unsupported);
   CHECK_THROWS_AS(build(small_field(), toy(), {{"leaf", int64_t{0}}}), InvalidInput);
   CHECK(folder.files() == 0);
+}
+
+/// Over ten vertices, no three on a line, of which the last lies where the first does.
+std::shared_ptr<const Mesh> over_ten(const std::vector<Face>& faces) {
+  static const auto positions = [] {
+    std::vector<glm::dvec3> out;
+    for (const double t : {0, 1, 2, 3, 4, 5, 6, 7, 8, 0}) out.emplace_back(t, t * t, t * t * t);
+    return out;
+  }();
+  const auto owner = std::make_shared<const std::vector<Face>>(faces);
+  return make_mesh({positions, *owner, {}, {}, owner}, "test");
+}
+
+std::vector<Face> torus() {
+  std::vector<Face> out;
+  const auto at = [](uint32_t row, uint32_t col) { return row % 3 * 3 + col % 3; };
+  for (uint32_t i = 0; i < 9; ++i) {
+    const uint32_t r = i / 3, c = i % 3;
+    out.push_back({at(r, c), at(r + 1, c), at(r + 1, c + 1)});
+    out.push_back({at(r, c), at(r + 1, c + 1), at(r, c + 1)});
+  }
+  return out;
+}
+
+TEST_CASE("a mesh that lacks what a method needs is refused with counts, before anything is written") {
+  const TemporaryFolder folder;
+  const auto said = [&](const std::vector<Face>& faces, Needs needs) {
+    const auto mesh = over_ten(faces);
+    const Toy method("toy", {"mesh"}, needs);
+    const std::string fault = lacking(method.info(), *mesh);
+    const std::string path = folder / "a.lod";
+    if (fault.empty()) {
+      CHECK_NOTHROW(build_store(*mesh, method, {}, path, BuildMode::kForce, {}));
+    } else {
+      const auto build = [&] { build_store(*mesh, method, {}, path, BuildMode::kNew, {}); };
+      std::filesystem::remove(path);
+      CHECK(message_of<InvalidInput>(build) == "build: " + fault);
+      CHECK(folder.files() == 0);
+    }
+    return fault;
+  };
+  const std::vector<Face> tetrahedron{{0, 2, 1}, {0, 1, 4}, {1, 2, 4}, {0, 4, 2}};
+  std::vector<Face> open(tetrahedron.begin() + 1, tetrahedron.end()), fin = tetrahedron, turned = open;
+  fin.push_back({0, 1, 6});
+  std::swap(turned[0][0], turned[0][1]);
+  for (const Needs needs : {Needs::kAnything, Needs::kManifold, Needs::kClosed, Needs::kGenusZero})
+    CHECK(said(tetrahedron, needs).empty());
+  CHECK(said(fin, Needs::kAnything).empty());
+  for (const Needs needs : {Needs::kManifold, Needs::kClosed, Needs::kGenusZero})
+    CHECK(says(said(fin, needs), "it has 1 edges of three triangles or more, 0 vertices of several fans"));
+  CHECK(says(said(turned, Needs::kManifold), "is not oriented alike"));
+  CHECK(said(open, Needs::kManifold).empty());
+  CHECK(said(open, Needs::kClosed) == "method toy needs a closed mesh: this one has 3 edges of one triangle");
+  CHECK(said(torus(), Needs::kClosed).empty());
+  CHECK(said(torus(), Needs::kGenusZero) == "method toy needs a mesh of genus 0: the genus is 1");
+  CHECK(says(said({{0, 9, 1}}, Needs::kManifold), "none of its triangles has corners at three positions"));
+  std::vector<Face> seam = tetrahedron;  // one corner by its other name: closed where positions count
+  seam[3][0] = 9;
+  CHECK(said(seam, Needs::kGenusZero).empty());
 }
 
 TEST_CASE("an interrupted build is resumed where it stopped") {

@@ -232,6 +232,18 @@ def test_a_refusal_counts_where_nothing_may_be_refused(tmp_path: Path, monkeypat
     assert laws(PLAIN, tmp_path) == {"accepted"}
 
 
+@pytest.mark.parametrize(("lacks", "broken"), [("a rim of 3 edges", set()), ("", {"accepted"})])
+def test_a_mesh_may_be_refused_that_lacks_what_is_needed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacks: str, broken: set[str]
+) -> None:
+    def refuses(*args: object, **values: object) -> None:
+        raise InvalidInput("build: method full needs a closed mesh: this one has 3 edges of one triangle")
+
+    monkeypatch.setattr(search, "lacking", lambda source, method: lacks)
+    monkeypatch.setattr(search, "store_for", refuses)
+    assert laws(Trial("full", "frames", BALL, frames=frames({"pixel_error": 2.0})), tmp_path) == broken
+
+
 def test_a_find_is_made_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lod.Cut, "predicted_px", property(lambda cut: -1.0))
     large = dataclasses.replace(PLAIN, draw={"morph": "false"}, source=HILLS | {"voids": "holed", "base": 5.0})

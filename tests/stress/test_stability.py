@@ -164,6 +164,18 @@ def test_a_method_that_accepts_no_source_has_a_row(tmp_path: Path) -> None:
     assert "accepts heightfield" in found.table["figure"].item()
 
 
+def test_other_scenes_are_not_played_on_a_mesh_that_lacks_what_is_needed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def built(stage: Stage) -> Iterator[Figure]:
+        yield Figure("levels", float(stage.tree.depth), "levels", 9.0)
+
+    monkeypatch.setattr(Stage, "lacking", "a rim of 3 edges")
+    monkeypatch.setattr(suite, "SCENES", (Scene("s05", "", built, ("mesh:one triangle",), ("mesh:one triangle",)),))
+    table = stability.run(tmp_path, methods=["full"], short=True, progress=False).table
+    assert table[["verdict", "figure"]].to_numpy().tolist() == [["not_applicable", "a rim of 3 edges"]]
+
+
 def test_interrupted_run_stops_and_keeps_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(stage: Stage) -> Iterator[Figure]:
         raise KeyboardInterrupt
@@ -342,16 +354,25 @@ def test_sizes_without_samples_are_refused_and_nothing_else(tmp_path: Path) -> N
             fields.load(name)
 
 
-def test_a_mesh_may_be_refused_with_counts_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def told(reason: str) -> float:
-        def refuses(*_args: object) -> None:
-            raise Unsupported(reason)
+def test_a_mesh_may_be_refused_that_lacks_what_is_needed_and_with_counts_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def told(lacks: str, reason: str) -> float:
+        def refuses(*_args: object, **_values: object) -> None:
+            raise InvalidInput(reason)
 
-        monkeypatch.setattr(Stage, "session", refuses)
+        monkeypatch.setattr(Stage, "lacking", lacks)
+        monkeypatch.setattr("lodlab.stability.stage.store_for", refuses)
         return worst(structure.any_mesh(Stage(Bench("mesh:open", tmp_path), "full", {}, True)))
 
-    assert told("build: 48 boundary edges; the method needs a closed mesh") == 0
-    assert told("build: the method needs a closed mesh") == 1
+    counted = "build: the method needs a closed mesh: this one has 48 edges of one triangle"
+    assert told(counted, counted) == 0
+    assert told(counted, "build: the method needs a closed mesh") == 1
+    with pytest.raises(InvalidInput, match="48 edges"):  # a failure of the suite
+        told("", counted)
+    monkeypatch.undo()
+    monkeypatch.setattr(Stage, "lacking", counted)
+    assert worst(structure.any_mesh(Stage(Bench("mesh:one triangle", tmp_path), "full", {}, True))) == 1, "built"
 
 
 def test_meshes_see_an_error_beyond_its_bound_and_a_crack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -331,29 +331,9 @@ Surface surface_of(const Mesh& source, std::span<const Face> faces, std::vector<
   return out;
 }
 
-[[noreturn]] void refuse(const Surface& surface) {
-  const MeshCensus census = mesh_census({surface.positions, surface.faces, {}, {}, nullptr});
-  throw InvalidInput("subdivision: the mesh has " + std::to_string(census.nonmanifold_edges) +
-                     " edges of three triangles or more, " + std::to_string(census.nonmanifold_vertices) +
-                     " vertices of several fans, and is " + (census.oriented ? "" : "not ") +
-                     "oriented alike; it must be an oriented manifold: repair=split,orient makes it one");
-}
-
-/// Whether vertices at equal positions are apart only where triangles do not make a manifold: what a split
-/// leaves.
-bool is_split(const Mesh& source, std::span<const uint32_t> first) {
-  std::vector<Face> welded(source.faces.begin(), source.faces.end());
-  for (Face& face : welded)
-    for (uint32_t& v : face) v = first[v];
-  const MeshEdges edges = mesh_edges(welded, static_cast<int64_t>(first.size()));
-  const auto ends = [&](uint32_t side) {
-    return std::minmax({vertex_of(source.faces, side), vertex_of(source.faces, side_end(side))});
-  };
-  for (int64_t edge = 0; edge < edges.count(); ++edge) {
-    const auto sides = edges.of(edge);
-    if (sides.size() == 2 && ends(sides[0]) != ends(sides[1])) return false;
-  }
-  return true;
+[[noreturn]] void refuse(const Mesh& source) {
+  throw InvalidInput("subdivision: the mesh must be an oriented manifold: " +
+                     manifold_faults(surface_census(source)));
 }
 
 }  // namespace
@@ -366,17 +346,14 @@ ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progres
   std::vector<uint32_t> name = first;
   const std::vector<Face> faces = in_order(source);
   Surface surface = surface_of(source, faces, name);
-  if (surface.faces.empty())
-    throw InvalidInput("subdivision: none of " + std::to_string(source.triangles()) +
-                       " triangles has corners at three positions");
+  if (surface.faces.empty()) refuse(source);
   Connectivity mesh(surface.faces, static_cast<int64_t>(surface.positions.size()));
   if (!mesh.manifold()) {
-    const Surface welded = surface;
-    if (!is_split(source, first)) refuse(welded);
+    if (!is_split(source.faces, first)) refuse(source);
     for (uint32_t v = 0; v < name.size(); ++v) name[v] = v;
     surface = surface_of(source, faces, name);
     mesh = Connectivity(surface.faces, static_cast<int64_t>(surface.positions.size()));
-    if (!mesh.manifold()) refuse(welded);
+    if (!mesh.manifold()) refuse(source);
   }
   Collapser collapser(std::move(surface), std::move(mesh));
   const bool reached = collapser.run(static_cast<size_t>(target_faces), progress);

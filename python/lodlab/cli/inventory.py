@@ -56,7 +56,9 @@ def methods_command(json_: Json = False) -> None:
         return
     for method in found:
         typer.echo(f"{method['name']}: {method['summary']}")
-        typer.echo(f"  accepts {', '.join(method['accepts'])}; budgets {', '.join(method['budgets']) or 'ignored'}")
+        needs = f" ({method['needs']})" if method["needs"] else ""
+        budgets = ", ".join(method["budgets"]) or "ignored"
+        typer.echo(f"  accepts {', '.join(method['accepts'])}{needs}; budgets {budgets}")
         for option in method["options"]:
             typer.echo(f"  -o {option['name']}={tables.cell(option['default'])}  {option_text(option)}")
         typer.echo("")

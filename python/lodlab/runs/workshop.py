@@ -246,9 +246,11 @@ def check_tasks(tasks: Sequence[Task], workshop: Workshop) -> None:
     for task in tasks:
         flight = task.flight
         source = workshop.source(flight.source)
-        check_accepts(source, task.method)
-        if (flight.source, flight.path) not in seen:
-            seen.add((flight.source, flight.path))
+        if ("method", flight.source, task.method) not in seen:
+            check_accepts(source, task.method)
+            seen.add(("method", flight.source, task.method))
+        if ("path", flight.source, flight.path) not in seen:
+            seen.add(("path", flight.source, flight.path))
             workshop.path(flight).view(0, flight.size, flight.fov)
 
 

@@ -22,7 +22,7 @@ from .. import _core
 from ..errors import GLError, InvalidInput, StoreError, Unsupported
 from ..instrument.audit import any_cut
 from ..stores.build import store_for
-from ..stores.methods import method_table, still
+from ..stores.methods import lacking, method_table, still
 from ..stores.session import Cut, Session
 from . import rules
 from .meshes import doubled
@@ -129,7 +129,7 @@ class _Player:
         self.store = self.may_refuse(
             lambda: store_for(source, trial.method, trial.build, self.folder, progress=False),
             "build",
-            bool(trial.build),
+            bool(trial.build) or bool(lacking(source, trial.method)),
         )
         self.session = self.open(still(trial.method, {k: v for k, v in trial.draw.items() if k not in PAGING}))
         self.ground = ground_of(source)

@@ -25,7 +25,7 @@ from ..paths.path import CameraPath
 from ..sources.base import Source
 from ..sources.mesh import Mesh
 from ..stores.build import store_for
-from ..stores.methods import method_table, still
+from ..stores.methods import lacking, method_table, still
 from ..stores.session import Cut, Session
 from ..stores.store import Store
 from . import fields, meshes
@@ -147,7 +147,14 @@ class Stage:
 
     @property
     def store(self) -> Store:
+        """NotApplicable when the mesh lacks what the method needs: scene s16 is about those."""
+        if self.lacking:
+            raise NotApplicable(self.lacking)
         return self.bench.store(self.method)
+
+    @cached_property
+    def lacking(self) -> str:
+        return lacking(self.source, self.method)
 
     @cached_property
     def tree(self) -> Tree:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from .. import _core, instrument
-from ..errors import Unsupported
+from ..errors import InvalidInput
 from ..stores.session import Session
 from . import fields
 from .stage import Figure, NotApplicable, Stage, Worst, look, refuses, zero_if_unseen
@@ -247,19 +247,23 @@ def sizes(stage: Stage) -> Iterator[Figure]:
 def any_mesh(stage: Stage) -> Iterator[Figure]:
     """Failure: meshes that are open, of several components, of genus above 0, not manifold, with inverted, duplicate or
     flat triangles, unused vertices; slivers, one triangle, none; far from the origin.
-    Test: as for sizes. A method that needs another kind of mesh refuses it, and its reason counts what is wrong.
-    Figures: as for sizes; refusals that count nothing, limit 0. No triangles are no mesh: refused.
+    Test: as for sizes. A method that needs another kind of mesh refuses it, and its reason counts what is wrong; one
+    that needs no other is not to refuse it. Figures: as for sizes; meshes that it should refuse and does not, or
+    without a count, limit 0. No triangles are no mesh: refused.
     """
     if stage.bench.name in fields.REFUSED:
         yield _refused(stage)
         return
+    if not stage.lacking:
+        yield from _at_any_error(stage, stage.session())
+        return
     try:
-        session = stage.session()
-    except Unsupported as refusal:
+        stage.bench.store(stage.method)
+    except InvalidInput as refusal:
         counts = any(c.isdigit() for c in str(refusal))
         yield Figure(f"refused: {refusal}", 0 if counts else 1, "refusals", 0)
         return
-    yield from _at_any_error(stage, session)
+    yield Figure(f"built, though {stage.lacking}", 1, "meshes", 0)
 
 
 def _at_any_error(stage: Stage, session: Session) -> Iterator[Figure]:

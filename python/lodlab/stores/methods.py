@@ -38,8 +38,16 @@ def still(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     return {**options, "stream": False, "gpu_cache_mb": known["gpu_cache_mb"]["range"][1]}
 
 
+def lacking(source: Source, method: str) -> str:
+    """What a method needs of a mesh and this one lacks, a sentence with counts; empty: nothing."""
+    return _core.lacking(method, source.core) if source.kind == "mesh" and method_table(method)["needs"] else ""
+
+
 def check_accepts(source: Source, method: str) -> None:
-    """Unsupported when a method does not accept a source."""
+    """Unsupported when a method does not accept a source; InvalidInput, with counts, for a mesh that lacks what it
+    needs."""
     kind, accepted = source.kind, method_table(method)["accepts"]
     if kind not in accepted:
         raise Unsupported(f"method {method} does not accept a {kind}; it accepts {', '.join(accepted)}")
+    if fault := lacking(source, method):
+        raise InvalidInput(fault)
