@@ -205,6 +205,7 @@ void Gpu::run(const Uniforms& u, const Search& search, const gl::Buffer& faces, 
     FrameState after;
     state_.read(0, std::as_writable_bytes(std::span(&after, 1)));
     submitted.triangles += after.triangles;
+    submitted.processed += after.tested;
   });
 }
 

@@ -44,7 +44,8 @@ class Subdivision : public Method {
     static const MethodInfo kInfo{
         "subdivision", "A control mesh bisected on the GPU each frame and displaced along its normals.",
         {"mesh"},      {"pixel_error", "triangles"},
-        false,         option_table()};
+        false,         option_table(),
+        false,         Needs::kManifold};
     return kInfo;
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
