@@ -240,7 +240,7 @@ TEST_CASE("normals that cancel out leave no height without end") {
   const ControlMesh control = stored(flat, source.centre);
   const Samples samples(control, Pattern::of_degree(17));
   for (const Sampling sampling : {Sampling::kIntersection, Sampling::kInterpolation}) {
-    const Displacement d = displace(source, control, samples, sampling);
+    const Displacement d = displace(source, control, samples, sampling, {});
     CHECK(d.missed > 0);
     for (size_t s = 0; s < d.heights.size(); ++s) {
       CHECK(std::isfinite(d.heights[s]));
@@ -253,7 +253,7 @@ TEST_CASE("a sphere over an octahedron is displaced by 1 / |p| - 1 lengths of th
   const SourceSurface source(*mesh_of(sphere(5)));
   const ControlMesh control = stored(control_of(octahedron(), outwards), source.centre);
   const Samples samples(control, Pattern::of_degree(17));
-  const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+  const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
   CHECK(d.missed + d.wrong_sheet == 0);
   for (size_t s = 0; s < d.heights.size(); ++s) {
     const double known = 1.0 / glm::length(glm::dvec3(d.places[s].position)) - 1.0;
@@ -261,7 +261,7 @@ TEST_CASE("a sphere over an octahedron is displaced by 1 / |p| - 1 lengths of th
           doctest::Approx(known).epsilon(0.01).scale(1.0 / 8.0));  // facets lie below the sphere
     CHECK(glm::length(d.end(s, d.heights[s])) <= 1.0 + 1e-7);
   }
-  const Displacement smooth = displace(source, control, samples, Sampling::kInterpolation);
+  const Displacement smooth = displace(source, control, samples, Sampling::kInterpolation, {});
   for (size_t s = 0; s < d.heights.size(); ++s)
     CHECK(std::abs(smooth.heights[s] - d.heights[s]) < 0.02);  // cells are up to 0.09 wide
 }
@@ -302,7 +302,7 @@ TEST_CASE("of two sheets close together the one that faces along the normal is t
   const SourceSurface source(*mesh_of(arrays));
   const ControlMesh control = stored(flat_control(2), source.centre);
   const Samples samples(control, Pattern::of_degree(9));
-  const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+  const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
   for (const float height : d.heights) CHECK(std::abs(height - (0.02 - 0.0095)) < 0.0096);
   CHECK(d.missed == 0);
 }
@@ -317,7 +317,7 @@ TEST_CASE("a hole in the source is counted and filled from its neighbours") {
   const SourceSurface source(*mesh_of(arrays));
   const ControlMesh control = stored(flat_control(1), source.centre);
   const Samples samples(control, Pattern::of_degree(17));
-  const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+  const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
   CHECK(d.missed > 30);
   CHECK(d.averaged > 0);
   CHECK(d.repaired_share() < 0.5);
@@ -328,7 +328,7 @@ TEST_CASE("bits: what is shared is one value, and is off by no more than half a 
   const SourceSurface source(*mesh_of(bumps(30)));
   const ControlMesh control = stored(flat_control(3), source.centre);
   const Samples samples(control, Pattern::of_degree(9));
-  const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+  const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
   CHECK(unpack(samples, pack(samples, d.heights, 32)) == d.heights);
   int64_t before = pack(samples, d.heights, 32).bytes();
   for (const int bits : {16, 11}) {
@@ -357,9 +357,9 @@ TEST_CASE("bounds: no mixture of levels is farther from the source than they say
     const ControlMesh control = stored(c.control, source.centre);
     const Samples samples(control, Pattern::of_degree(9));
     const Pattern& pattern = samples.pattern();
-    const Displacement d = displace(source, control, samples, Sampling::kIntersection);
+    const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
     const std::vector<float> heights = unpack(samples, pack(samples, d.heights, 11));
-    const Bounds bound = bounds(source, control, samples, d, heights);
+    const Bounds bound = bounds(source, control, samples, d, heights, {});
     const auto levels = static_cast<size_t>(bound.levels);
     for (size_t i = 0; i + 1 < bound.edge.size(); ++i)
       if ((i + 1) % levels != 0) CHECK(bound.edge[i] >= bound.edge[i + 1]);
@@ -450,8 +450,8 @@ TEST_CASE("bounds: a border of what is drawn is within them of the source's bord
     const SourceSurface source(*c.mesh);
     const ControlMesh control = stored(c.control, source.centre);
     const Samples samples(control, Pattern::of_degree(9));
-    const Displacement d = displace(source, control, samples, Sampling::kIntersection);
-    const Bounds bound = bounds(source, control, samples, d, d.heights);
+    const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
+    const Bounds bound = bounds(source, control, samples, d, d.heights, {});
     const WeldedMesh finest = displaced(samples, d, d.heights), segments = unmatched_edges(source.mesh);
     const MeshSurface border(segments);
     const int n = samples.pattern().n();
@@ -487,8 +487,8 @@ TEST_CASE("bounds: of the finest surface they are close to what is measured, and
   const SourceSurface source(*mesh_of(bumps(40)));
   const ControlMesh control = stored(flat_control(2), source.centre);
   const Samples samples(control, Pattern::of_degree(9));
-  const Displacement d = displace(source, control, samples, Sampling::kIntersection);
-  const Bounds bound = bounds(source, control, samples, d, d.heights);
+  const Displacement d = displace(source, control, samples, Sampling::kIntersection, {});
+  const Bounds bound = bounds(source, control, samples, d, d.heights, {});
   const WeldedMesh finest = displaced(samples, d, d.heights);
   const MeshSurface surface(finest);
   const double there = largest_distance(finest, closest_to_vertices(finest, source.surface), source.surface,
@@ -501,13 +501,32 @@ TEST_CASE("bounds: of the finest surface they are close to what is measured, and
   CHECK(most >= std::max(there, back));
   CHECK(most <= 2.0 * std::max(there, back));
   set_thread_count(1);
-  const Displacement alone = displace(source, control, samples, Sampling::kInterpolation);
-  const Bounds bound_alone = bounds(source, control, samples, d, d.heights);
+  const Displacement alone = displace(source, control, samples, Sampling::kInterpolation, {});
+  const Bounds bound_alone = bounds(source, control, samples, d, d.heights, {});
   set_thread_count(0);
-  CHECK(alone.heights == displace(source, control, samples, Sampling::kInterpolation).heights);
+  CHECK(alone.heights == displace(source, control, samples, Sampling::kInterpolation, {}).heights);
   CHECK(bound_alone.face == bound.face);
   CHECK(bound_alone.sampling == bound.sampling);
   CHECK(bound_alone.average == bound.average);
+}
+
+TEST_CASE("sampling and bounding tell of progress up to all of it, and may be stopped") {
+  const SourceSurface source(*mesh_of(bumps(40)));
+  const ControlMesh control = stored(flat_control(4), source.centre);
+  const Samples samples(control, Pattern::of_degree(9));
+  std::map<std::string, double> share;
+  const Progress progress = [&](const std::string& stage, double to) {
+    CHECK(to > share[stage]);
+    share[stage] = to;
+  };
+  const Displacement d = displace(source, control, samples, Sampling::kInterpolation, progress);
+  bounds(source, control, samples, d, d.heights, progress);
+  CHECK(share == std::map<std::string, double>{{"bound", 1.0}, {"sample", 1.0}});
+  const Progress stop = [&](const std::string&, double to) {
+    if (to > 0.1) throw Interrupted();
+  };
+  CHECK_THROWS_AS(displace(source, control, samples, Sampling::kIntersection, stop), Interrupted);
+  CHECK_THROWS_AS(bounds(source, control, samples, d, d.heights, stop), Interrupted);
 }
 
 TEST_CASE("source triangles without area, and control faces too, are survived") {
@@ -523,7 +542,7 @@ TEST_CASE("source triangles without area, and control faces too, are survived") 
   flat.faces.push_back({0, 4, 1});
   const ControlMesh control = stored(flat, source.centre);
   const Samples samples(control, Pattern::of_degree(5));
-  const Displacement d = displace(source, control, samples, Sampling::kInterpolation);
-  const Bounds bound = bounds(source, control, samples, d, d.heights);
+  const Displacement d = displace(source, control, samples, Sampling::kInterpolation, {});
+  const Bounds bound = bounds(source, control, samples, d, d.heights, {});
   for (const double b : bound.face) CHECK(std::isfinite(b));
 }

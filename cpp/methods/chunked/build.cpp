@@ -5,7 +5,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
-#include <mutex>
 
 #include "base/errors.h"
 #include "base/parallel.h"
@@ -135,10 +134,9 @@ void build(const HeightField& field, const Options& options, StoreWriter& writer
   const TexturePyramid texture(options.text("attribute"), field, layout, levels, options.real("tau_max"));
 
   std::vector<uint8_t> rounded(nodes.size());
-  int64_t done = 0;  // reports come in order
   std::atomic<uint32_t> largest{0};
-  std::mutex progress_mutex;
   const auto count = static_cast<int64_t>(nodes.size());
+  Count done(progress, "chunks", count);
   parallel_for(count, std::clamp<int64_t>(count / 64, 1, 16), [&](int64_t begin, int64_t end) {
     ChunkMesher mesher(grid, levels, envelope);
     for (int64_t i = begin; i < end; ++i) {
@@ -173,9 +171,7 @@ void build(const HeightField& field, const Options& options, StoreWriter& writer
           writer.put_page(kTexture, i, texture.page(node.level, node.row, node.col));
       }
     }
-    const std::lock_guard lock(progress_mutex);
-    const int64_t total = done += end - begin;
-    progress("chunks", static_cast<double>(total) / static_cast<double>(count));
+    done(end - begin);
   });
   nest(nodes, rounded, q.quantum);
   const double quantizer[2] = {q.quantum, static_cast<double>(q.base)};

@@ -4,7 +4,6 @@
 // one.
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 
 #include "base/errors.h"
 #include "base/parallel.h"
@@ -93,24 +92,6 @@ void finish(Levels& levels, double finest_error) {
   if (fine != levels.end()) levels.erase(fine + 1, levels.end());
 }
 
-/// Counts what is done, from any thread.
-class Count {
- public:
-  Count(const Progress& progress, const char* stage, size_t all)
-      : progress_(progress), stage_(stage), all_(static_cast<double>(all)) {}
-  void operator()() {
-    const std::lock_guard lock(mutex_);
-    done_ += 1.0;
-    if (progress_) progress_(stage_, std::min(done_ / all_, 1.0));
-  }
-
- private:
-  const Progress& progress_;
-  const char* stage_;
-  double all_, done_ = 0.0;
-  std::mutex mutex_;
-};
-
 /// Levels that hold samples they do not cover are no levels: made ones end before.
 void keep_covering(const HeightField& field, Levels& levels) {
   while (levels.size() > 1 && field_bound(field, *levels[0].mesh, levels[0].indices).uncovered > 0)
@@ -132,7 +113,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   std::vector<Levels> chains(given ? 1 : parts.size());
   if (given) chains[0] = brought(options.meshes("levels"));
   if (!given) {
-    Count count(progress, "simplify", chains.size());
+    Count count(progress, "simplify", static_cast<int64_t>(chains.size()));
     parallel_for(static_cast<int64_t>(chains.size()), 1, [&](int64_t begin, int64_t end) {
       for (auto c = static_cast<size_t>(begin); c < static_cast<size_t>(end); ++c) {
         chains[c] = made(parts[c], field);
@@ -141,8 +122,8 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     });
     if (field != nullptr) keep_covering(*field, chains[0]);
   }
-  size_t levels = 0;
-  for (const Levels& chain : chains) levels += chain.size();
+  int64_t levels = 0;
+  for (const Levels& chain : chains) levels += static_cast<int64_t>(chain.size());
   {
     Count count(progress, "measure", levels);
     parallel_for(static_cast<int64_t>(chains.size()), 1, [&](int64_t begin, int64_t end) {
@@ -185,7 +166,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     }
     table.push_back(chain);
   }
-  Count count(progress, "write", nodes.size());
+  Count count(progress, "write", static_cast<int64_t>(nodes.size()));
   parallel_for(static_cast<int64_t>(nodes.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const Level& level = *level_of[static_cast<size_t>(i)];

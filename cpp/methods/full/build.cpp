@@ -21,16 +21,13 @@ constexpr int64_t kPageSamples = 65536;
 void put_rows(StoreWriter& writer, PageKind kind, const char* stage, const uint32_t* samples, int64_t rows,
               int64_t columns, const Progress& progress) {
   const int64_t pages = page_count(rows, columns), step = rows_per_page(columns);
-  int64_t done = 0;  // reports come in order
-  std::mutex mutex;
+  Count count_page(progress, stage, pages);
   parallel_for(pages, 1, [&](int64_t begin, int64_t end) {
     for (int64_t page = begin; page < end; ++page) {
       const int64_t first = page * step, count = std::min(step, rows - first) * columns;
       if (!writer.has_page(kind, page))
         writer.put_page(kind, page, encode_samples(samples + first * columns, count));
-      const std::lock_guard lock(mutex);
-      const int64_t so_far = ++done;
-      if (progress) progress(stage, static_cast<double>(so_far) / static_cast<double>(pages));
+      count_page();
     }
   });
 }

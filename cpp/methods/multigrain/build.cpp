@@ -5,7 +5,6 @@
 // a band are measured, and tiles of coarser strides gather their rows from band to band until they are whole.
 // What is kept is a band, one row of tiles for each stride, and the errors.
 #include <algorithm>
-#include <mutex>
 #include <optional>
 
 #include "base/errors.h"
@@ -150,13 +149,10 @@ class TileWriter {
       const Tile tile = tiles_.at(ids_[i]);
       if (tile.row < end && last_row(tile) > first && !writer_.has_page(kHeights, ids_[i])) met.push_back(i);
     }
-    int64_t done = 0;  // reports come in order
-    std::mutex mutex;
+    Count done(progress, "heights", static_cast<int64_t>(met.size()));
     parallel_for(static_cast<int64_t>(met.size()), 1, [&](int64_t from, int64_t to) {
       for (int64_t i = from; i < to; ++i) take(band, met[static_cast<size_t>(i)]);
-      const std::lock_guard lock(mutex);
-      const int64_t so_far = done += to - from;
-      if (progress) progress("heights", static_cast<double>(so_far) / static_cast<double>(met.size()));
+      done(to - from);
     });
   }
 

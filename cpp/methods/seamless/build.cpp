@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
-#include <mutex>
 #include <optional>
 #include <string>
 
@@ -96,14 +95,11 @@ template <class Work>
 void for_shares(const Layout& layout, const PatchMesh& mesh, const Pyramid& pyramid,
                 const std::vector<Share>& shares, const Progress& progress, const Work& work) {
   const auto count = static_cast<int64_t>(shares.size());
-  int64_t done = 0;  // reports come in order
-  std::mutex mutex;
+  Count done(progress, "patches", count);
   parallel_for(count, std::clamp<int64_t>(count / 256, 1, 16), [&](int64_t begin, int64_t end) {
     Measurer measurer(layout, mesh, pyramid);
     for (int64_t i = begin; i < end; ++i) work(measurer, shares[static_cast<size_t>(i)]);
-    const std::lock_guard lock(mutex);
-    const int64_t so_far = done += end - begin;
-    if (progress) progress("patches", static_cast<double>(so_far) / static_cast<double>(count));
+    done(end - begin);
   });
 }
 

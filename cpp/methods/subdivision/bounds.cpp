@@ -102,7 +102,7 @@ double near_of(double attained, double negligible) { return std::max((1.0 + kSla
 
 /// From the finest surface to the source, face by face.
 void cover_finest(const SourceSurface& source, const WeldedMesh& finest, std::span<const uint32_t> near,
-                  uint32_t triangles_a_face, double negligible, std::vector<double>& bound) {
+                  uint32_t triangles_a_face, double negligible, std::vector<double>& bound, Count& count) {
   const std::vector<uint32_t> across = across_sides(source.mesh);
   parallel_for(static_cast<int64_t>(bound.size()), 4, [&](int64_t begin, int64_t end) {
     for (int64_t face = begin; face < end; ++face) {
@@ -119,13 +119,14 @@ void cover_finest(const SourceSurface& source, const WeldedMesh& finest, std::sp
       Covering covering(source.surface, across, to_source, {&most, 1});
       for (int64_t t = first; t < last; ++t) covering.cover(finest.triangle(t), start(t));
     }
+    count((end - begin) * triangles_a_face);
   });
 }
 
 /// From the source to the finest surface: each part is held to the face that it is found close to.
 void cover_source(const SourceSurface& source, const MeshSurface& finest,
                   std::span<const Closest> at_vertices, uint32_t triangles_a_face, double negligible,
-                  std::vector<double>& bound) {
+                  std::vector<double>& bound, Count& count) {
   const std::vector<uint32_t> across = across_sides(finest.mesh());
   for (const auto& f : source.mesh.faces) {
     for (const uint32_t v : f) {
@@ -140,6 +141,7 @@ void cover_source(const SourceSurface& source, const MeshSurface& finest,
     for (int64_t t = begin; t < end; ++t)
       covering.cover(source.mesh.triangle(t),
                      at_vertices[source.mesh.faces[static_cast<size_t>(t)][0]].triangle);
+    count(end - begin);
   });
 }
 
@@ -211,6 +213,26 @@ class Windows {
   std::span<const glm::dvec3> ends_;
 };
 
+/// The paper's errors, from the source's vertices.
+void measure_vertices(const SourceSurface& source, const ControlMesh& control,
+                      std::span<const Closest> at_vertices, uint32_t triangles_a_face, Bounds& out) {
+  out.sampling.assign(control.faces.size(), 0.0);
+  std::vector<uint8_t> used(source.mesh.positions.size(), 0);
+  for (const auto& f : source.mesh.faces) used[f[0]] = used[f[1]] = used[f[2]] = 1;
+  double sum = 0.0, count = 0.0;
+  for (size_t v = 0; v < used.size(); ++v) {
+    if (used[v] == 0) continue;
+    const uint32_t face = at_vertices[v].triangle / triangles_a_face;
+    Triangle flat;
+    for (size_t k = 0; k < 3; ++k) flat[k] = control.positions[control.faces[face][k]];
+    out.sampling[face] =
+        std::max(out.sampling[face], closest_on_triangle(flat, source.mesh.positions[v]).distance);
+    sum += at_vertices[v].distance;
+    count += 1.0;
+  }
+  out.average = sum / std::max(count, 1.0);
+}
+
 /// Axes of which the last is across a face's corners: most of what windows leave is along it.
 glm::dmat3 frame_of(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
   const glm::dvec3 normal = glm::cross(b - a, c - a), along = b - a;
@@ -270,7 +292,7 @@ std::vector<double> coarsening(const Pattern& pattern, std::span<const glm::dvec
 }
 
 Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Samples& samples,
-              const Displacement& displacement, std::span<const float> heights) {
+              const Displacement& displacement, std::span<const float> heights, const Progress& progress) {
   const Pattern& pattern = samples.pattern();
   const WeldedMesh finest = displaced(samples, displacement, heights);
   const MeshSurface surface(finest);
@@ -282,9 +304,10 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
   const double extent = glm::distance(box.lo, box.hi);
 
   std::vector<double> distance(faces, 0.0);
-  cover_finest(source, finest, displacement.near, a_face, kNegligible * extent, distance);
+  Count count(progress, "bound", 2 * finest.triangles() + source.mesh.triangles());
+  cover_finest(source, finest, displacement.near, a_face, kNegligible * extent, distance, count);
   const std::vector<Closest> at_vertices = closest_to_vertices(source.mesh, surface);
-  cover_source(source, surface, at_vertices, a_face, kNegligible * extent, distance);
+  cover_source(source, surface, at_vertices, a_face, kNegligible * extent, distance, count);
   cover_borders(source, samples, finest, extent, distance);
 
   Bounds out;
@@ -304,6 +327,7 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
         out.face[f * levels + level] = distance[f] + above + kLeastShare * extent;
       }
     }
+    count((end - begin) * a_face);
   });
   out.edge.assign(static_cast<size_t>(samples.edges().count()) * levels, 0.0);
   for (size_t e = 0; e * levels < out.edge.size(); ++e) {
@@ -314,21 +338,7 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
     }
   }
 
-  out.sampling.assign(faces, 0.0);
-  std::vector<uint8_t> used(source.mesh.positions.size(), 0);
-  for (const auto& f : source.mesh.faces) used[f[0]] = used[f[1]] = used[f[2]] = 1;
-  double sum = 0.0, count = 0.0;
-  for (size_t v = 0; v < used.size(); ++v) {
-    if (used[v] == 0) continue;
-    const uint32_t face = at_vertices[v].triangle / a_face;
-    Triangle flat;
-    for (size_t k = 0; k < 3; ++k) flat[k] = control.positions[control.faces[face][k]];
-    out.sampling[face] =
-        std::max(out.sampling[face], closest_on_triangle(flat, source.mesh.positions[v]).distance);
-    sum += at_vertices[v].distance;
-    count += 1.0;
-  }
-  out.average = sum / std::max(count, 1.0);
+  measure_vertices(source, control, at_vertices, a_face, out);
   return out;
 }
 

@@ -35,8 +35,8 @@ WeldedMesh displaced(const Samples& samples, const Displacement& displacement,
 /// the samples of the face, in the pattern's order.
 std::vector<double> coarsening(const Pattern& pattern, std::span<const glm::dvec3> ends);
 
-/// `heights`: as they decode.
+/// `heights`: as they decode. Tells of progress as "bound".
 Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Samples& samples,
-              const Displacement& displacement, std::span<const float> heights);
+              const Displacement& displacement, std::span<const float> heights, const Progress& progress);
 
 }  // namespace lodlab::subdivision

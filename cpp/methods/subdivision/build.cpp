@@ -43,11 +43,12 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   stored.control.faces =
       as_coded(stored.control.faces, static_cast<int64_t>(stored.control.positions.size()));
   const Samples samples(stored.control, pattern);
-  const Displacement displacement = displace(
-      surface, stored.control, samples, interpolation ? Sampling::kInterpolation : Sampling::kIntersection);
+  const Displacement displacement =
+      displace(surface, stored.control, samples,
+               interpolation ? Sampling::kInterpolation : Sampling::kIntersection, progress);
   stored.packed = pack(samples, displacement.heights, bits);
   const std::vector<float> heights = unpack(samples, stored.packed);
-  const Bounds found = bounds(surface, stored.control, samples, displacement, heights);
+  const Bounds found = bounds(surface, stored.control, samples, displacement, heights, progress);
 
   Stored::Shape& shape = stored.shape;
   shape = {};

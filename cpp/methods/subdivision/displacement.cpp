@@ -52,10 +52,10 @@ class Sampler {
     good_.assign(out_.places.size(), 0);
     measure_faces();
   }
-  void intersect();
+  void intersect(Count& count);
   void leave_wrong_sheets();
   void repair();
-  void interpolate();
+  void interpolate(Count& count);
   Displacement take() { return std::move(out_); }
 
  private:
@@ -98,7 +98,7 @@ void Sampler::measure_faces() {
   });
 }
 
-void Sampler::intersect() {
+void Sampler::intersect(Count& count) {
   parallel_for(static_cast<int64_t>(good_.size()), kGrain, [&](int64_t begin, int64_t end) {
     for (auto s = static_cast<size_t>(begin); s < static_cast<size_t>(end); ++s) {
       const Samples::Place& place = out_.places[s];
@@ -110,6 +110,7 @@ void Sampler::intersect() {
       out_.near[s] = cut.triangle;
       good_[s] = 1;
     }
+    count(end - begin);
   });
   out_.missed = std::count(good_.begin(), good_.end(), uint8_t{0});
 }
@@ -189,7 +190,7 @@ void Sampler::average_neighbours() {
   }
 }
 
-void Sampler::interpolate() {
+void Sampler::interpolate(Count& count) {
   const Pattern& p = samples_.pattern();
   const auto cells = static_cast<size_t>(p.n() * p.n());
   struct Cell {
@@ -224,18 +225,19 @@ void Sampler::interpolate() {
         }
         for (const size_t s : corners) radius += glm::distance(centre, out_.end(s, out_.heights[s])) / 6.0;
         double sum = 0.0;
-        int count = 0;
+        int triangles = 0;
         source_.surface.any_within(centre, radius, [&](uint32_t t) {
           if (!faces_along(source_.mesh, t, normal)) return false;
           const glm::dvec3 at = closest_on_triangle(source_.mesh.triangle(t), centre).point;
           sum += glm::dot(at - base, normal) / glm::dot(normal, normal);
-          ++count;
+          ++triangles;
           return false;
         });
-        const bool known = count > 0 && glm::length(normal) >= kShortestNormal;
-        *next++ = {centre, known ? sum / count - height : 0.0};
+        const bool known = triangles > 0 && glm::length(normal) >= kShortestNormal;
+        *next++ = {centre, known ? sum / triangles - height : 0.0};
       });
     }
+    count((end - begin) * static_cast<int64_t>(cells));
   });
   std::vector<double> sum(good_.size(), 0.0), weight(good_.size(), 0.0);
   for_faces([&](int64_t f, std::span<const int64_t> of) {
@@ -261,12 +263,15 @@ SourceSurface::SourceSurface(const Mesh& source)
     : centre(source.box.center()), mesh(relative(source, centre)), surface(mesh) {}
 
 Displacement displace(const SourceSurface& source, const ControlMesh& control, const Samples& samples,
-                      Sampling sampling) {
+                      Sampling sampling, const Progress& progress) {
+  const bool interpolated = sampling == Sampling::kInterpolation;
+  const int64_t cells = samples.control_faces() * samples.pattern().n() * samples.pattern().n();
+  Count count(progress, "sample", samples.count() + (interpolated ? cells : 0));
   Sampler sampler(source, control, samples);
-  sampler.intersect();
+  sampler.intersect(count);
   sampler.leave_wrong_sheets();
   sampler.repair();
-  if (sampling == Sampling::kInterpolation) sampler.interpolate();
+  if (interpolated) sampler.interpolate(count);
   return sampler.take();
 }
 

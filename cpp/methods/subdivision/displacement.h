@@ -51,7 +51,8 @@ struct Displacement {
 /// sample moves from its intersection by what its cells are off, interpolated by inverse distance. (The paper
 /// takes the cells' elevations themselves: at a vertex of the control mesh, over which elevations form a
 /// cone, that cuts off the tip.)
+/// Tells of progress as "sample".
 Displacement displace(const SourceSurface& source, const ControlMesh& control, const Samples& samples,
-                      Sampling sampling);
+                      Sampling sampling, const Progress& progress);
 
 }  // namespace lodlab::subdivision
