@@ -7,7 +7,7 @@
 
 namespace lodlab::gl {
 
-Query::Query(unsigned target) : target_(target) {
+Query::Query(unsigned target, unsigned stream) : target_(target), stream_(stream) {
   ensure_context();
   unsigned name = 0;
   glCreateQueries(target, 1, &name);
@@ -16,13 +16,13 @@ Query::Query(unsigned target) : target_(target) {
 }
 
 void Query::begin() const {
-  glBeginQuery(target_, handle_.id());
-  check("glBeginQuery");
+  glBeginQueryIndexed(target_, stream_, handle_.id());
+  check("glBeginQueryIndexed");
 }
 
 void Query::end() const {
-  glEndQuery(target_);
-  check("glEndQuery");
+  glEndQueryIndexed(target_, stream_);
+  check("glEndQueryIndexed");
 }
 
 uint64_t Query::result() const {

@@ -11,7 +11,8 @@ namespace lodlab::gl {
 class Query {
  public:
   Query() = default;
-  explicit Query(unsigned target);
+  /// `stream`: of vertices, where the target counts those of one.
+  explicit Query(unsigned target, unsigned stream = 0);
 
   void begin() const;
   void end() const;
@@ -20,7 +21,7 @@ class Query {
 
  private:
   Handle<Kind::kQuery> handle_;
-  unsigned target_ = 0;
+  unsigned target_ = 0, stream_ = 0;
 };
 
 }  // namespace lodlab::gl

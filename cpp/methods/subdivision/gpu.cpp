@@ -35,15 +35,6 @@ enum Binding : unsigned {
 constexpr unsigned kGroup = 64;
 constexpr unsigned kMostGroups = 32768;
 
-/// Of frame.glsl.
-struct FrameState {
-  float eye_high[4], eye_low[4];
-  Frustum frustum;
-  uint32_t faces;
-  int32_t metric, d;
-  uint32_t low_code, everything, most, low, high, triangles, tested;
-  uint32_t command[5], padding;
-};
 static_assert(offsetof(FrameState, faces) == 112 && offsetof(FrameState, command) == 152);
 
 std::vector<std::string> defines(const SubdivisionHierarchy& hierarchy, std::string more = "") {
@@ -99,7 +90,7 @@ gl::Buffer buffer_of(const std::vector<T>& values) {
 
 }  // namespace
 
-Gpu::Gpu(const SubdivisionHierarchy& h)
+Gpu::Gpu(const SubdivisionHierarchy& h, bool feedback)
     : faces_(h.samples().control_faces()),
       points_(h.pattern().points()),
       words_((2 * h.pattern().n() * h.pattern().n() + 15) / 16),
@@ -127,6 +118,7 @@ Gpu::Gpu(const SubdivisionHierarchy& h)
     throw Unsupported("subdivision: " + std::to_string(faces_) + " control faces of " +
                       std::to_string(points_) + " points are more than 32-bit indices tell apart");
   }
+  if (feedback) feedback_.emplace(defines(h));
   array_.floats(0, 0, 3, GL_FLOAT, 0);
   array_.source(0, positions_, 0, 12);
   displace();
@@ -185,8 +177,17 @@ void Gpu::run(const Uniforms& u, const Search& search, const gl::Buffer& faces, 
   bind(kSteps, steps_);
   bind(kSplits, splits_);
   bind(kCounts, counts_);
-  if (search.most) {
-    for (auto rounds = std::bit_width(search.steps.size() - 1); rounds > 0; --rounds) {
+  if (feedback_) {
+    run_feedback(state, search, work);
+  } else {
+    run_compute(search.most.has_value(), work);
+  }
+}
+
+void Gpu::run_compute(bool search, render::Work& work) {
+  const int64_t steps = steps_.bytes() / static_cast<int64_t>(sizeof(Step));
+  if (search) {
+    for (auto rounds = std::bit_width(static_cast<uint64_t>(steps - 1)); rounds > 0; --rounds) {
       count_.use();
       gl::Program::dispatch(groups(faces_));
       search_.use();
@@ -207,6 +208,33 @@ void Gpu::run(const Uniforms& u, const Search& search, const gl::Buffer& faces, 
     submitted.triangles += after.triangles;
     submitted.processed += after.tested;
   });
+}
+
+/// The search is the CPU's here, which learns of each pass how many triangles it left.
+void Gpu::run_feedback(FrameState& state, const Search& search, render::Work& work) {
+  const int64_t most = search.most ? int64_t{*search.most} : INT64_MAX;
+  const auto run = [&](uint32_t step, int64_t limit) {
+    state.low = state.high = step;
+    state_.upload(0, std::as_bytes(std::span(&state, 1)));
+    const Feedback::Result result = feedback_->run(faces_, limit, indices_);
+    work.submitted.processed += result.tested;
+    return result.triangles;
+  };
+  uint32_t low = 0, high = static_cast<uint32_t>(search.steps.size() - 1);
+  while (low < high) {
+    const uint32_t middle = (low + high) / 2;
+    if (run(middle, most) > most) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  const int64_t triangles = run(low, INT64_MAX);
+  work.submitted.triangles += triangles;
+  state.command[0] = static_cast<uint32_t>(3 * triangles);
+  state.command[1] = 1;
+  state_.upload(0, std::as_bytes(std::span(&state, 1)));
+  array_.indices(indices_);
 }
 
 /// For all triangles that are left. Their number is read back only while there may be too little room.
@@ -238,7 +266,7 @@ int64_t Gpu::bytes() const {
        {&control_, &records_, &edge_records_, &heights_, &ranges_, &packed_, &points_table_, &positions_,
         &splits_, &counts_, &state_, &steps_, &indices_})
     out += buffer->bytes();
-  return out;
+  return out + (feedback_ ? feedback_->bytes() : 0);
 }
 
 }  // namespace lodlab::subdivision

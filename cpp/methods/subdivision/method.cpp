@@ -34,6 +34,12 @@ std::vector<OptionSpec> option_table() {
        "What lines are split by: their bounds, or the paper's projected length or that times the curvature, "
        "which promise no bound.",
        {"bound", "length", "curvature"}},
+      {"pipeline",
+       std::string("compute"),
+       kDraw,
+       "",
+       "Compute shaders, or the paper's geometry shader and transform feedback: the same triangles.",
+       {"compute", "geometry"}},
       projection_option(),
   };
 }

@@ -37,7 +37,8 @@ class SubdivisionSession : public Session {
         projection_(projection_of(options, false)),
         metric_(options.text("metric") == "length"      ? LODLAB_METRIC_LENGTH
                 : options.text("metric") == "curvature" ? LODLAB_METRIC_CURVATURE
-                                                        : LODLAB_METRIC_BOUND) {
+                                                        : LODLAB_METRIC_BOUND),
+        feedback_(options.text("pipeline") == "geometry") {
     for (const glm::dvec3& p : hierarchy_->stored().control.positions) positions_.emplace_back(p);
     for (const glm::dvec3& n : hierarchy_->stored().control.normals) normals_.emplace_back(n);
   }
@@ -65,6 +66,7 @@ class SubdivisionSession : public Session {
   std::shared_ptr<const SubdivisionHierarchy> hierarchy_;
   Projection projection_;
   int metric_;
+  bool feedback_;
   std::vector<vec3> positions_, normals_;
   std::unique_ptr<Gpu> gpu_;
 };
@@ -254,7 +256,7 @@ std::vector<Cut> SubdivisionSession::audit_cuts() const {
 }
 
 void SubdivisionSession::prepare(const Cut& cut, render::Work& work) {
-  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_);
+  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_, feedback_);
   if (const auto* selection = dynamic_cast<const Selection*>(cut.record.get())) {
     gpu_->refine(selection->uniforms, selection->search, work);
   } else {
