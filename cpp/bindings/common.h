@@ -35,6 +35,13 @@ struct PyStore {
   std::shared_ptr<const Hierarchy> hierarchy;
 };
 
+/// Where the control points of a store are at rest. Unsupported, naming `operation`, where its method has
+/// none.
+std::vector<glm::dvec3> control_of(const PyStore& store, const std::string& operation);
+
+/// (N, 3) float64: a copy of points.
+pybind11::array_t<double> array_of_points(const std::vector<glm::dvec3>& points);
+
 /// A dict of bool, int, float and str (or numpy scalars of these) as option values. Other types throw
 /// InvalidInput naming `owner`, the option and the type.
 std::map<std::string, OptionValue> options_from_dict(const std::string& owner, const pybind11::dict& given);

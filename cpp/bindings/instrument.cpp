@@ -18,6 +18,7 @@
 #include "instrument/field_ruler.h"
 #include "instrument/mesh_ruler.h"
 #include "instrument/slack.h"
+#include "method/mesh_memory.h"
 
 namespace py = pybind11;
 
@@ -94,6 +95,27 @@ instrument::NodeBound bound_of(const Parts& parts) {
   };
 }
 
+/// A mesh as a pose deforms it, with its ruler, and what draws it at full resolution.
+struct PosedSource {
+  PosedSource(const Carrier& carrier, std::shared_ptr<const Pose> of)
+      : pose(std::move(of)),
+        mesh(carrier.carry(*pose)),
+        ruler(std::make_shared<instrument::MeshRuler>(mesh)) {}
+
+  render::DrawCall draw_call(const std::shared_ptr<const render::Surface>& surface) {
+    if (memory == nullptr) {
+      const std::span<const uint32_t> indices(mesh->faces.data()->data(), 3 * mesh->faces.size());
+      memory = std::make_unique<MeshMemory>(std::vector<StoredMesh>{stored_mesh(*mesh, indices)});
+    }
+    return {[this, surface](render::Pass& pass) { memory->draw({{{0, 0, 0}}}, *surface, pass); }};
+  }
+
+  std::shared_ptr<const Pose> pose;
+  std::shared_ptr<const Mesh> mesh;
+  std::shared_ptr<const instrument::Ruler> ruler;
+  std::unique_ptr<MeshMemory> memory;
+};
+
 class PyInstrument {
  public:
   PyInstrument(std::shared_ptr<Source> source, std::shared_ptr<PySession> reference)
@@ -106,10 +128,17 @@ class PyInstrument {
 
   const instrument::Ruler& ruler() const { return *ruler_; }
 
-  std::shared_ptr<const Reference> reference(const View& view) {
+  std::shared_ptr<const Reference> reference(const View& view, const PyCut* of) {
     if (full_ == nullptr)
       throw InvalidInput("reference: the instrument was made without a session of `full`");
     const Camera camera = make_camera(view);
+    if (of != nullptr && of->cut.request.pose != nullptr) {
+      gl::ensure_context();
+      PosedSource& posed = posed_of(*of);
+      const auto out = instrument::draw_reference(*posed.ruler, camera, posed.draw_call(resources()));
+      out->pose = posed.pose;
+      return out;
+    }
     const Cut cut = full_->selecting().select({view, {}, nullptr});
     return instrument::draw_reference(*ruler_, camera, full_->draw_call(cut));
   }
@@ -130,6 +159,11 @@ class PyInstrument {
         given("examine: cut", cut);
       }
     }
+    const PyCut& cut = *parts[0].second;
+    const std::shared_ptr<const Pose>& pose = cut.cut.request.pose;
+    if (reference != nullptr && !same_pose(std::static_pointer_cast<const Pose>(reference->pose), pose))
+      throw InvalidInput("measure: the reference is of another pose");
+    if (!before.empty() && !same_pose(before[0].second->cut.request.pose, pose)) before.clear();
     instrument::Subject subject;
     subject.camera = make_camera(view);
     subject.draw = draw_call(parts);
@@ -142,9 +176,10 @@ class PyInstrument {
       subject.optimum_px = optimum_of(parts[0]);
     }
     subject.reference = std::move(reference);
-    subject.bound = bound_of(parts);
+    if (pose == nullptr || cut.claim().promises_bound) subject.bound = bound_of(parts);
     subject.pictures = pictures;
-    return std::make_shared<PyMeasurement>(std::move(parts), std::move(before), ruler_, resources(),
+    return std::make_shared<PyMeasurement>(std::move(parts), std::move(before),
+                                           pose == nullptr ? ruler_ : posed_of(cut).ruler, resources(),
                                            std::move(subject));
   }
 
@@ -170,6 +205,18 @@ class PyInstrument {
   }
 
  private:
+  /// Its source as the pose of a cut deforms it; that of the last pose asked for is kept.
+  PosedSource& posed_of(const PyCut& cut) {
+    if (carried_by_ != cut.hierarchy) {
+      carrier_ = cut.hierarchy->carrier(std::dynamic_pointer_cast<const Mesh>(source_));
+      carried_by_ = cut.hierarchy;
+      posed_.reset();
+    }
+    if (!posed_ || !same_pose(posed_->pose, cut.cut.request.pose))
+      posed_.emplace(*carrier_, cut.cut.request.pose);
+    return *posed_;
+  }
+
   std::shared_ptr<const render::Surface> resources() {
     gl::ensure_context();
     if (resources_ == nullptr) resources_ = surface_of("Instrument: this", *source_);
@@ -181,6 +228,9 @@ class PyInstrument {
   std::string hash_;
   std::shared_ptr<PySession> full_;
   std::shared_ptr<const render::Surface> resources_;
+  std::shared_ptr<const Hierarchy> carried_by_;
+  std::shared_ptr<const Carrier> carrier_;
+  std::optional<PosedSource> posed_;
 };
 
 py::tuple node_arrays(const std::vector<instrument::NodeError>& errors) {
@@ -311,11 +361,12 @@ void bind_instrument(py::module_& m) {
            py::arg("reference") = py::none())
       .def(
           "reference",
-          [](PyInstrument& self, const View& at) {
+          [](PyInstrument& self, const View& at, std::shared_ptr<PyCut> cut) {
             const py::gil_scoped_release release;
-            return std::const_pointer_cast<Reference>(self.reference(at));
+            return std::const_pointer_cast<Reference>(self.reference(at, cut.get()));
           },
-          view, "The source drawn at full resolution; None above 32 M samples.")
+          view, py::arg("cut") = py::none(),
+          "The source drawn at full resolution, as the pose of a cut deforms it; None above 32 M samples.")
       .def(
           "examine",
           [](PyInstrument& self, std::shared_ptr<PySession> s, std::shared_ptr<PyCut> c, const View& at,
@@ -329,7 +380,8 @@ void bind_instrument(py::module_& m) {
           py::arg("pictures") = true, py::arg("before") = py::none(),
           "A Measurement of a cut. Without a reference the figures that compare with it are nan; without "
           "pictures capture_mismatch_pixels is too; without `before`, the cut of the frame before, pops "
-          "are. InvalidInput for a reference of another view.")
+          "are, as where it has another pose. A cut with a pose is measured against the source deformed "
+          "alike. InvalidInput for a reference of another view or pose.")
       .def(
           "examine_parts",
           [](PyInstrument& self, Parts parts, const View& at, std::shared_ptr<Reference> reference,

@@ -5,6 +5,8 @@
 #include <pybind11/stl.h>
 
 #include <chrono>
+#include <cmath>
+#include <optional>
 
 #include "base/errors.h"
 #include "base/parallel.h"
@@ -89,19 +91,42 @@ Frame frame_of(render::Picture picture) {
           array_of(std::move(picture.depth), {height, width})};
 }
 
-Request request_of(const PySession& self, const View& view, const Budget& budget) {
-  check_budget(self.store().method->info(), budget);
-  return {view, budget, nullptr};
+using Positions = std::optional<py::array>;
+
+std::shared_ptr<const Pose> pose_of(const PySession& self, const Positions& positions) {
+  if (!positions) return nullptr;
+  const auto count = static_cast<py::ssize_t>(control_of(self.store(), "select").size());
+  const std::string wanted = "(" + std::to_string(count) + ", 3) float64";
+  const auto array = checked<double>("select", *positions, "control_positions", {count, 3}, wanted.c_str());
+  const auto points = span_of<glm::dvec3>(array);
+  for (size_t i = 0; i < points.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(points[i][k]) <= kFarthestVertex) continue;
+      throw InvalidInput("select: control position " + std::to_string(i) + " is " +
+                         py::str(py::float_(points[i][k])).cast<std::string>() +
+                         " along an axis; it is a number within 1e30");
+    }
+  }
+  return std::make_shared<const Pose>(Pose{{points.begin(), points.end()}});
 }
 
-std::shared_ptr<PyCut> select(const PySession& self, const View& view, const Budget& budget) {
+Request request_of(const PySession& self, const View& view, const Budget& budget,
+                   const Positions& positions) {
+  check_budget(self.store().method->info(), budget);
+  return {view, budget, pose_of(self, positions)};
+}
+
+std::shared_ptr<PyCut> select(const PySession& self, const View& view, const Budget& budget,
+                              const Positions& positions) {
+  const Request request = request_of(self, view, budget, positions);
   const py::gil_scoped_release release;
-  return self.resolved(self.selecting().select(request_of(self, view, budget)));
+  return self.resolved(self.selecting().select(request));
 }
 
 double optimum_px(const PySession& self, const View& view, const Budget& budget) {
+  const Request request = request_of(self, view, budget, {});
   const py::gil_scoped_release release;
-  return self.selecting().optimum_px(request_of(self, view, budget));
+  return self.selecting().optimum_px(request);
 }
 
 std::shared_ptr<PyCut> cut_of_nodes(const PySession& self, const std::vector<int64_t>& nodes,
@@ -178,12 +203,13 @@ py::dict cost_columns(const FrameCost& cost, const Claim& claim) {
   return out;
 }
 
-py::tuple time_frame(PySession& self, const View& view, const Budget& budget, bool discard) {
+py::tuple time_frame(PySession& self, const View& view, const Budget& budget, bool discard,
+                     const Positions& positions) {
   std::shared_ptr<PyCut> cut;
   FrameCost cost;
+  const Request request = request_of(self, view, budget, positions);
   {
     const py::gil_scoped_release release;
-    const Request request = request_of(self, view, budget);
     const Camera camera = make_camera(view);
     const auto show = discard ? render::Show::kNone : render::Show::kShade;
     Session& session = self.drawing();
@@ -213,6 +239,12 @@ py::array cut_nodes(const PyCut& self) {  // untyped in the signature: stubs kno
   for (const CutNode& n : self.claim().nodes)
     *row++ = {n.node, n.resolution, n.morph, n.visible, n.missing, n.error};
   return out;
+}
+
+std::optional<py::array_t<double>> cut_pose(const PyCut& self) {
+  const auto& pose = self.cut.request.pose;
+  if (pose == nullptr) return std::nullopt;
+  return array_of_points(pose->control);
 }
 
 std::string cut_text(const PyCut& self) {
@@ -260,6 +292,11 @@ void bind_cut(py::module_& m) {
           "least_nodes", [](const PyCut& c) { return c.claim().least_nodes; }, "Its nodes.")
       .def_property_readonly(
           "view", [](const PyCut& c) { return c.cut.request.view; }, "The view it was selected for.")
+      .def_property_readonly("control_positions", &cut_pose,
+                             "(V, 3) float64: the pose that it was selected for, or None: at rest.")
+      .def_property_readonly(
+          "warning", [](const PyCut& c) { return c.claim().warning; },
+          "What its user should know of it; empty: nothing.")
       .def("__repr__", &cut_text);
 }
 
@@ -325,7 +362,9 @@ void bind_session_class(py::module_& m) {
       m, "Session",
       "Owns GL objects, caches and the adaptation state of one store; one thread's once it has drawn.")
       .def_property_readonly("options", [](const PySession& s) { return options_to_dict(s.options()); })
-      .def("select", &select, view, py::arg("budget") = Budget(), "Picks the cut for a view under a budget.")
+      .def("select", &select, view, py::arg("budget") = Budget(), py::arg("control_positions") = py::none(),
+           "Picks the cut for a view under a budget; of the mesh as its control positions, (V, 3) float64 in "
+           "source units, deform it. InvalidInput for others; Unsupported where the method has none.")
       .def(
           "optimum_px", &optimum_px, view, py::arg("budget") = Budget(),
           "The smallest largest projected error, pixels, that any cut reaches within the hard budgets, no "
@@ -347,6 +386,7 @@ void bind_session_class(py::module_& m) {
       .def("capture", &capture, cut, view, py::arg("everything") = true,
            "The triangles that the drawing program emits, culled nodes included by default.")
       .def("time_frame", &time_frame, view, py::arg("budget") = Budget(), py::arg("discard") = false,
+           py::arg("control_positions") = py::none(),
            "Selects and draws, reading nothing back: (Cut, dict of cost columns).")
       .def("time_draw", &time_draw, cut, view, py::arg("discard") = false,
            "Milliseconds to draw a cut; with discard the rasterizer is off.")

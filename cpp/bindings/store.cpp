@@ -118,6 +118,7 @@ py::list list_methods() {
     entry["options"] = options;
     entry["by_rows"] = info.by_rows;
     entry["needs"] = name_of(info.needs);
+    entry["deforms"] = info.deforms;
     out.append(entry);
   }
   return out;
@@ -349,6 +350,12 @@ void bind_store_class(py::module_& m) {
           "nodes", &nodes,
           "Structured array id, parent, level, resolution, triangles, error, box_min, box_max: "
           "a row per node and resolution.")
+      .def_property_readonly(
+          "control_positions",
+          [](const PyStore& s) { return array_of_points(control_of(s, "control_positions")); },
+          "(V, 3) float64, source units: the control points at rest, which a pose moves. Unsupported where "
+          "the "
+          "method has none.")
       .def("info", &info, "What `lodlab info --json` prints.")
       .def(
           "verify", [](const PyStore& s) { s.store->verify(); }, py::call_guard<py::gil_scoped_release>(),
@@ -356,6 +363,18 @@ void bind_store_class(py::module_& m) {
 }
 
 }  // namespace
+
+std::vector<glm::dvec3> control_of(const PyStore& store, const std::string& operation) {
+  std::vector<glm::dvec3> control = store.hierarchy->control();
+  if (control.empty())
+    throw Unsupported(operation + ": method " + store.method->info().name + " has no control points to move");
+  return control;
+}
+
+py::array_t<double> array_of_points(const std::vector<glm::dvec3>& points) {
+  return py::array_t<double>({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}},
+                             reinterpret_cast<const double*>(points.data()));
+}
 
 py::dict options_to_dict(const Options& options) {
   py::dict out;

@@ -15,8 +15,8 @@ int64_t Reference::bytes() const {
   return static_cast<int64_t>(shade.rgba.size() + classes.rgba.size() + floats * sizeof(float));
 }
 
-std::shared_ptr<const Reference> draw_reference(const Ruler& ruler, const Camera& camera,
-                                                const render::DrawCall& draw_full) {
+std::shared_ptr<Reference> draw_reference(const Ruler& ruler, const Camera& camera,
+                                          const render::DrawCall& draw_full) {
   if (ruler.source().samples() > kMostPictureSamples) return nullptr;
   auto out = std::make_shared<Reference>();
   out->camera = camera;

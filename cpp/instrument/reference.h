@@ -21,6 +21,7 @@ struct Reference {
   Camera camera;
   render::Picture shade;    ///< with depth
   render::Picture classes;  ///< Show::kClass, wider by a margin with depth, less voids: see crack_pixels.h
+  std::shared_ptr<const void> pose{};  ///< what deformed the source; null: at rest
 
   /// What FLIP sees of `shade`; made by the first cut that is compared, for all others too.
   const Seen& seen() const;
@@ -33,7 +34,7 @@ struct Reference {
 };
 
 /// Draws the reference of a view; null above kMostPictureSamples.
-std::shared_ptr<const Reference> draw_reference(const Ruler& ruler, const Camera& camera,
-                                                const render::DrawCall& draw_full);
+std::shared_ptr<Reference> draw_reference(const Ruler& ruler, const Camera& camera,
+                                          const render::DrawCall& draw_full);
 
 }  // namespace lodlab::instrument

@@ -45,6 +45,7 @@ struct MethodInfo {
   std::vector<OptionSpec> options;   ///< of both stages
   bool by_rows = false;              ///< builds from sources larger than memory, too
   Needs needs = Needs::kAnything;    ///< of a mesh: builds of others are refused
+  bool deforms = false;              ///< requests may have a pose: its hierarchies have control points
 };
 
 /// A row per node and resolution: what `store.nodes` shows.
@@ -70,7 +71,13 @@ struct CutNode {
 /// Where the control points of a mesh are, source units: null where nothing is deformed.
 struct Pose {
   std::vector<glm::dvec3> control;
+  bool operator==(const Pose&) const = default;
 };
+
+/// Whether two requests are of one pose.
+inline bool same_pose(const std::shared_ptr<const Pose>& a, const std::shared_ptr<const Pose>& b) {
+  return a == b || (a != nullptr && b != nullptr && *a == *b);
+}
 
 /// Where a source goes when the control points of a store that was built from it are moved.
 class Carrier {

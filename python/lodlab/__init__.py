@@ -28,6 +28,7 @@ from ._core import Budget, View
 from .instrument import laws
 from .instrument.triangles import measure
 from .lab import compare, fit, fly, sweep
+from .paths import deform
 from .paths.path import CameraPath
 from .report import charts
 from .runs.checks import Violation, check
@@ -63,6 +64,7 @@ __all__ = [
     "check",
     "compare",
     "datasets",
+    "deform",
     "devices",
     "errors",
     "fit",

@@ -16,7 +16,7 @@ from .disk import short_hash, temporary_folder
 from .errors import InvalidInput
 from .instrument.laws import tell_broken
 from .instrument.yardstick import Yardstick, look_of
-from .paths.path import CameraPath, make_path, named_or_default, over_source, path_text
+from .paths.path import CameraPath, joined, make_path, named_or_default, over_source, parts_of, path_text
 from .report.page import write
 from .runs import tables
 from .runs.configs import BUDGET_LISTS, DEFAULT_PIXEL_ERRORS, enter, freeze, plan
@@ -30,7 +30,7 @@ from .runs.sweep import Sweep
 from .runs.toml import read_config
 from .runs.workshop import Workshop, check_tasks, enter_flight, hashes_of, make_all, take_in
 from .sources.datasets import as_source
-from .stores.methods import lacking, method_table
+from .stores.methods import check_deforms, lacking, method_table
 from .stores.store import Store, as_store
 
 __all__ = ["compare", "fit", "fly", "sweep"]
@@ -48,6 +48,7 @@ def fly(
     repeat: int = 1,
     images: str | None = None,
     metrics: str = "all",
+    deform: Any = None,
     out: str | os.PathLike[str] | None = None,
     stores: str | os.PathLike[str] | None = None,
     device: str | None = None,
@@ -62,8 +63,10 @@ def fly(
     files). `budget`: lodlab.Budget or a dict. `size`: pixels. `accuracy_frames`: how many evenly spaced frames are
     measured; 0 needs no source. `repeat`: timing passes. `images`: all, worst or none (default worst with `out`,
     else none). `metrics`: all, or geometry, for which no picture is drawn to measure (columns that need one are
-    nan, and whether the capture is what was drawn is not looked at). `out`: run directory; `stores`: a folder of
-    stores to be reused, for the reference (by default the run directory's). `options`: the method's draw options.
+    nan, and whether the capture is what was drawn is not looked at). `deform`: what deforms the mesh on the way, in
+    place of the path's own (`CameraPath.with_deform`); it is measured against the source deformed alike. `out`: run
+    directory; `stores`: a folder of stores to be reused, for the reference (by default the run directory's).
+    `options`: the method's draw options.
 
     Raises InvalidInput and Unsupported for what the user got wrong, CaptureMismatch (after the results are
     written) when a capture was not what was drawn. Warns of every law that the rows break (BrokenPromise), after the
@@ -81,10 +84,18 @@ def fly(
         raise InvalidInput(f"fly: images={images!r} needs a run directory (out=)")
     path = named_or_default(path, store.source_kind)
     track = make_path(path, store.source if over_source(path) else None, frames, fov)
+    if deform is not None:
+        track = track.with_deform(deform)
+    if track.deform is not None:
+        check_deforms(store.method, track.name)
+        track = track.with_deform(track.deform.sampled(store.control_positions, len(track)))
+    moved = "" if track.deform is None else track.deform.name
+    camera = track.with_deform(None).name if isinstance(path, CameraPath) else parts_of(path_text(path))[0]
+    limits = budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""
     flight = Flight(
-        name=run_name(store.method, budget_text(budget_of(budget)) if method_table(store.method)["budgets"] else ""),
+        name=run_name(moved, store.method, limits),
         source=store.source_spec or f"array:{store.source_hash[:8]}",
-        path=path_text(path),
+        path=joined(camera, moved),
         budget=budget_of(budget),
         options=_core.resolve_options(store.method, "draw", options),
         frames=len(track),

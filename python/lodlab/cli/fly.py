@@ -14,6 +14,7 @@ import lodlab
 from ..errors import InvalidInput
 from ..figures import number
 from ..instrument.yardstick import MEASURES
+from ..paths.deform import NAMES as DEFORMS
 from .arguments import (
     Device,
     Jobs,
@@ -45,6 +46,15 @@ def fly_command(
     track: Track,
     limits: Limits,
     measuring: Measuring,
+    deform: Annotated[
+        str | None,
+        typer.Option(
+            "--deform",
+            metavar="NAME|FILE.npy",
+            help="bend, twist, wave, or control positions (F, V, 3): a mesh deformed on the way, where the method can.",
+            autocompletion=completing(lambda: DEFORMS),
+        ),
+    ] = None,
     option: OptionTexts = None,
     stores: Stores = None,
     device: Device = None,
@@ -56,7 +66,7 @@ def fly_command(
     holds other runs grows by this one.
     """
     run = lodlab.fly(
-        open_store(store, source), budget=limits.given(), device=device, out=out, stores=stores,
+        open_store(store, source), budget=limits.given(), device=device, out=out, stores=stores, deform=deform,
         **track.given(), **vars(measuring), **options_from(option),
     )  # fmt: skip
     print_runs([run.summary])

@@ -12,6 +12,7 @@ from .. import _core, movies, pictures
 from ..errors import InvalidInput, check_one_of
 from ..paths.path import CameraPath, default_path, make_path
 from ..runs.flight import check_budget
+from ..runs.passes import shots_of
 from ..stores.methods import still
 from ..stores.session import SHOWS
 from .arguments import (
@@ -50,9 +51,11 @@ def one_cut(
     """(session, cut, view) of one spot on a path."""
     if not 0.0 <= at <= 1.0:
         raise InvalidInput(f"at: {at} is not within 0 to 1")
-    view = track_of(store, sight, 2).view_at(at, size_of(sight.size), sight.fov)
+    path = track_of(store, sight, 2)
+    view = path.view_at(at, size_of(sight.size), sight.fov)
     session, checked = still_session(store, budget, options)
-    return session, session.select(view, checked), view
+    pose = None if path.deform is None else path.control_positions(at, store.control_positions)
+    return session, session.select(view, checked, pose), view
 
 
 @commands.command(epilog="Example: lodlab render jacksboro.lod picture.png --at 0.5 --pixel-error 2 --show level")
@@ -107,8 +110,8 @@ def render(
     if video is not None:
         path = track_of(opened, track, track.frames)
         session, checked = still_session(opened, budget, options_from(option))
-        views = path.views(size_of(track.size), track.fov)
-        movies.save(video, (drawn(session, session.select(view, checked), view) for view in views), fps)
+        shots = shots_of(path, opened, size_of(track.size), track.fov)
+        movies.save(video, (drawn(session, session.select(view, checked, pose), view) for view, pose in shots), fps)
         typer.echo(f"{video}: {len(path)} frames, {len(path) / fps:.3g} s")
         return
     session, cut, view = one_cut(opened, track, at, budget, options_from(option))

@@ -64,21 +64,23 @@ class Yardstick:
             self._instrument = _core.Instrument(self.source.core, session)
         return self._instrument
 
-    def reference(self, view: Any) -> Any:
-        """The reference picture of a view, or None without `pictures`."""
+    def reference(self, view: Any, cut: Any = None) -> Any:
+        """The reference picture of a view, the source deformed as a cut is; None without `pictures`."""
         if not self.pictures:
             return None
-        if view not in self._references:
-            made = self.instrument().reference(view)
+        pose = None if cut is None else cut.control_positions
+        key = view if pose is None else (view, pose.tobytes())
+        if key not in self._references:
+            made = self.instrument().reference(view, cut)
             self._bytes += made.nbytes
             while self._references and self._bytes > REFERENCE_BYTES:
                 self._bytes -= self._references.pop(next(iter(self._references))).nbytes
-            self._references[view] = made
-        return self._references[view]
+            self._references[key] = made
+        return self._references[key]
 
     def measure(self, session: Any, cut: Any, view: Any, before: Any = None) -> dict[str, Any]:
         """The accuracy columns of one drawn cut; `before`: the cut of the frame before."""
-        reference = self.reference(view)
+        reference = self.reference(view, cut)
         return measure(self.instrument(), session, cut, view, reference, pictures=reference is not None, before=before)
 
     def error_picture(self, session: Any, cut: Any, view: Any) -> np.ndarray:

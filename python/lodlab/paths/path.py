@@ -17,6 +17,8 @@ from ..errors import InvalidInput, Unsupported, close_to
 from ..sources.base import FieldSource, Source
 from ..sources.mesh import Mesh
 from .around import AROUND
+from .deform import NAMES as DEFORMS
+from .deform import Deformation
 from .ground import Ground
 from .keyframes import poses_of_array, poses_of_keys, read_file
 from .terrain import BUILT_IN, Pose, PoseAt
@@ -25,6 +27,7 @@ NAMES = tuple(dict.fromkeys([*BUILT_IN, *AROUND]))  # of built-in paths, over te
 DEFAULT_FRAMES = 120
 DEFAULT_FOV = 60.0
 MAX_FRAMES = 1_000_000
+_KEYS = (".toml", ".json")
 POSE_BITS = 32  # of positions and axes: built-in paths differ in the last bits from one libm to another
 
 
@@ -42,12 +45,16 @@ class CameraPath:
     """A sequence of `len(path)` views; `path.view(f)` is the camera of frame f.
 
     Make one with `flyover`, `orbit`, `walk`, `zoom`, `still` (of a height field), `orbit`, `zoom`, `flyby`, `still`
-    (of a mesh), `from_keys`, `from_array`, `load` (a file), or `named` (what the command line takes).
+    (of a mesh), `from_keys`, `from_array`, `load` (a file), or `named` (what the command line takes). `with_deform`
+    makes one along which a mesh is deformed: `deform`, else None.
     """
 
-    def __init__(self, name: str, pose_at: PoseAt, frames: int, fov: float | None = None) -> None:
+    def __init__(
+        self, name: str, pose_at: PoseAt, frames: int, fov: float | None = None, deform: Deformation | None = None
+    ) -> None:
         self.name = name
         self.fov = fov
+        self.deform = deform
         self._frames = _whole("frames", frames, 1, MAX_FRAMES)
         self._pose_at = pose_at
         if fov is not None and not (isinstance(fov, (int, float)) and 1.0 <= fov <= 170.0):
@@ -94,7 +101,20 @@ class CameraPath:
     def dense(self, factor: int) -> CameraPath:
         """The same path with `factor` times as many steps; every factor-th frame is one of this path's."""
         steps = (self._frames - 1) * _whole("factor", factor, 1, MAX_FRAMES)
-        return CameraPath(self.name, self._pose_at, steps + 1, self.fov)
+        return CameraPath(self.name, self._pose_at, steps + 1, self.fov, self.deform)
+
+    def with_deform(self, deform: Any) -> CameraPath:
+        """The same path, on which a mesh is deformed: bend, twist, wave, a .npy file or an array of control positions,
+        (F, V, 3) or (V, 3), or a function of t and those at rest (`lodlab.deform`); None: it stays at rest. Its name
+        says so: `orbit+bend`."""
+        made = None if deform is None else Deformation.of(deform)
+        base = self.name if self.deform is None else self.name.removesuffix(f"+{self.deform.name}")
+        name = base if made is None else f"{base}+{made.name}"
+        return CameraPath(name, self._pose_at, self._frames, self.fov, made)
+
+    def control_positions(self, t: float, rest: np.ndarray) -> np.ndarray | None:
+        """(V, 3) float64: where the control points are at path time t; None where they are at rest."""
+        return None if self.deform is None else self.deform.at(t, rest)
 
     @classmethod
     def _built_in(cls, name: str, source: Source, frames: int, fov: float | None) -> CameraPath:
@@ -187,17 +207,20 @@ class CameraPath:
     def named(
         cls, name: str, source: Source | None, frames: int = DEFAULT_FRAMES, fov: float | None = None
     ) -> CameraPath:
-        """What `path` takes by name: one of NAMES, or a .toml or .json file."""
+        """What `path` takes by name: one of NAMES, or a .toml or .json file; with `+bend` (twist, wave, a .npy file)
+        behind it what deforms the mesh."""
         if not isinstance(name, (str, os.PathLike)):
             raise InvalidInput(
                 f"camera path: {name!r} is no CameraPath, no name ({', '.join(NAMES)}) and no .toml or .json file"
             )
-        text = os.fspath(name)
+        text, deform = parts_of(os.fspath(name))
+        if deform:
+            return cls.named(text, source, frames, fov).with_deform(deform)
         if text in NAMES:
             if source is None:
                 raise InvalidInput(f"camera path {text}: it needs the source to fly over")
             return cls._built_in(text, source, frames, fov)
-        if text.lower().endswith((".toml", ".json")):
+        if of_keys(text):
             return cls.load(text, frames, fov)
         known, close = ", ".join(NAMES), close_to(text, NAMES)
         meant = f" (close to it: {', '.join(close)})" if close else ""
@@ -219,21 +242,47 @@ def make_path(path: Any, source: Source | None, frames: int, fov: float | None) 
     return path if isinstance(path, CameraPath) else CameraPath.named(path, source, frames=frames, fov=fov)
 
 
+def parts_of(text: str) -> tuple[str, str]:
+    """The text of a path in two: of the camera's, and of what deforms the mesh, empty where nothing does."""
+    plus = [at for at, sign in enumerate(text) if sign == "+"]
+    found = [(text[:at], text[at + 1 :]) for at in plus]
+    found = [(path, deform) for path, deform in found if deform in DEFORMS or deform.lower().endswith(".npy")]
+    known = (parts for parts in found if parts[0] in NAMES or parts[0].lower().endswith(_KEYS))
+    return next(known, found[0] if found else (text, ""))  # names of files may have a + of their own
+
+
+def joined(path: str, deform: str) -> str:
+    """The text that `parts_of` takes apart."""
+    return f"{path}+{deform}" if deform else path
+
+
+def of_keys(text: str) -> bool:
+    """Whether the text of a path names a file of key frames."""
+    return parts_of(text)[0].lower().endswith(_KEYS)
+
+
+def label_of(text: str) -> tuple[str, str]:
+    """What names of runs say of a path: of the camera's and of what deforms the mesh."""
+    path, deform = parts_of(text)
+    return os.path.splitext(os.path.basename(path))[0], os.path.splitext(os.path.basename(deform))[0]
+
+
 def over_source(path: Any) -> bool:
     """Whether a path is made from what it flies over: a built-in one, by its name."""
-    return isinstance(path, (str, os.PathLike)) and not os.fspath(path).lower().endswith((".toml", ".json"))
+    return isinstance(path, (str, os.PathLike)) and not of_keys(os.fspath(path))
 
 
 def path_text(path: Any) -> str:
     """A path as configurations name it: a built-in name, an absolute file, or the name of one in memory."""
     if isinstance(path, CameraPath):
         return path.name
-    text = os.fspath(path)
-    return os.path.abspath(text) if text.lower().endswith((".toml", ".json")) else text
+    text, deform = parts_of(os.fspath(path))
+    text = os.path.abspath(text) if of_keys(text) else text
+    return joined(text, os.path.abspath(deform) if deform and deform not in DEFORMS else deform)
 
 
-def poses_hash(views: Iterable[Any]) -> str:
-    """32 hex digits of eye, target, up, fov, near plane and size of every view.
+def poses_hash(views: Iterable[Any], deform: Deformation | None = None) -> str:
+    """32 hex digits of eye, target, up, fov, near plane and size of every view, and of what deforms the mesh.
 
     Rounded to 2^-32 of the largest number of its kind, so that the last bits of a sine do not count.
     """
@@ -244,4 +293,6 @@ def poses_hash(views: Iterable[Any]) -> str:
         _, exponent = np.frexp(np.abs(part).max())
         out.update(np.rint(np.ldexp(part, POSE_BITS - int(exponent))).astype(np.int64).tobytes())
         out.update(int(exponent).to_bytes(4, "little", signed=True))
+    if deform is not None:
+        out.update(deform.hash().encode())
     return out.hexdigest()

@@ -36,7 +36,8 @@ KEYS: tuple[Column, ...] = (
     Column("budget_pixel_error", "px", f"Target for the projected error; {_UNSET}."),
     Column("budget_triangles", "count", f"Hard limit on triangles, fillers included; {_UNSET}."),
     Column("budget_nodes", "count", f"Hard limit on nodes; {_UNSET}."),
-    Column("path", TEXT, "The camera path: a built-in name, or the key frames that the run directory keeps."),
+    Column("path", TEXT, "The camera path: a built-in name, or the key frames that the run directory keeps; behind a + "
+           "what deforms the mesh."),
     Column("frame", "count", "Number of the frame along the path, from 0."),
     Column("budget_met", FLAG, "predicted_px is within the pixel error, and hard budgets held."),
     Column("promises_bound", FLAG, "predicted_px is an upper bound of the measured error."),
@@ -66,7 +67,11 @@ EXTRAS: tuple[Column, ...] = (
 )  # fmt: skip
 HASHES: tuple[Column, ...] = (
     Column("source_hash", TEXT, "Hash of the source's heights, voids and placement."),
-    Column("poses_hash", TEXT, "Hash of every frame's eye, target, up, field of view, near plane and size."),
+    Column(
+        "poses_hash",
+        TEXT,
+        "Hash of every frame's eye, target, up, field of view, near plane, size, and of what deforms the mesh.",
+    ),
     Column("attribute_hash", TEXT, "Hash of the colour raster's bytes; empty without one."),
 )
 OF_RUNS: tuple[Column, ...] = (

@@ -4,7 +4,8 @@
 A TOML file, or a dict of the same shape:
 
     sources = ["jacksboro"]          # SOURCE texts
-    paths = ["flyover"]              # built-in names or key-frame files; left out: flyover, orbit where one is a mesh
+    paths = ["flyover"]              # built-in names or key-frame files; left out: flyover, orbit where one is a mesh;
+                                     # with +bend, +twist, +wave or +FILE.npy behind it what deforms the mesh
     frames = 120                     # per path
     size = [1280, 720]               # pixels
     fov = 60.0                       # horizontal, degrees; left out: key-frame files' own, or 60
@@ -36,13 +37,12 @@ import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from .. import _core
 from ..disk import absolute_parts
 from ..errors import InvalidInput
-from ..paths.path import DEFAULT_FOV
+from ..paths.path import DEFAULT_FOV, label_of, of_keys
 from ..sources.spec import short_source
 from ..stores.methods import method_table, options_of
 from ..stores.store import Store
@@ -91,7 +91,7 @@ def freeze(config: Mapping[str, Any]) -> dict[str, Any]:
             out[key] = _typed(key, out[key], kind)
     for key in ("sources", "paths"):
         out[key] = _texts(key, out[key])
-    if out["fov"] is None and not any(p.endswith((".toml", ".json")) for p in out["paths"]):
+    if out["fov"] is None and not any(of_keys(path) for path in out["paths"]):
         out["fov"] = DEFAULT_FOV
     if not (isinstance(out["size"], (list, tuple)) and len(out["size"]) == 2):
         raise InvalidInput(f"configuration: size is {out['size']!r}; it is [width, height] in pixels")
@@ -349,8 +349,9 @@ def plan(config: Mapping[str, Any]) -> list[Task]:
     tasks, names_used = [], set()
     for source, path, method, chosen, budget in grid:
         varied = [f"{k}={tables.cell(v)}" for k, v in chosen.items() if len(seen[method, k]) > 1]
-        places = ((short_source(source), config["sources"]), (Path(path).stem, config["paths"]))
-        many = [name for name, several in places if len(several) > 1]
+        camera, deform = label_of(path)
+        many = [short_source(source) if len(config["sources"]) > 1 else "", camera if len(config["paths"]) > 1 else ""]
+        many.append(deform)
         name = run_name(*many, method, *varied, budget_text(budget))
         unique, n = name, 2
         while unique in names_used:

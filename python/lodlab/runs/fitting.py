@@ -27,7 +27,7 @@ import numpy as np
 
 from .. import _core
 from ..disk import temporary_folder
-from ..errors import InvalidInput
+from ..errors import InvalidInput, Unsupported
 from ..paths.path import CameraPath, make_path, named_or_default
 from ..sources.base import Source
 from ..sources.datasets import as_source
@@ -116,6 +116,8 @@ def search(
     source = as_source(source)
     check_accepts(source, method)
     track = make_path(named_or_default(path, source.kind), source, frames, fov)
+    if track.deform is not None:
+        raise Unsupported(f"fit: path {track.name} deforms the mesh; bounds, which a search goes by, hold at rest")
     search = _Search(source, method, build_options, draw_options, limit, track, size, fov, progress)
     with search.bar:
         return search.run(target)

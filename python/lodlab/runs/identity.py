@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -19,7 +20,9 @@ import numpy as np
 from .. import _core
 from ..disk import write_atomic
 from ..errors import InvalidInput, StoreError
-from ..paths.path import NAMES, CameraPath, poses_hash
+from ..paths.deform import NAMES as DEFORMS
+from ..paths.deform import Deformation
+from ..paths.path import NAMES, CameraPath, joined, of_keys, parts_of, poses_hash
 from ..sources.base import Source
 from ..sources.datasets import as_source
 from ..sources.heightfield import HeightField
@@ -63,12 +66,42 @@ def take_path(
 ) -> str:  # fmt: skip
     """The name under which a path that lies in memory is flown again: a built-in one's where it is that, over every
     field; else that of the key frames that the directory now keeps."""
+    fresh = directory.config is None
+    deform = keep_deform(directory.path, path.deform, fresh)
+    path = path.with_deform(None)
     views, fields = list(path.views(size, fov)), list(fields)
     if path.name in NAMES and fields:
         own = (CameraPath.named(path.name, f, frames=len(path), fov=fov).views(size, fov) for f in fields)
         if all(poses_hash(v) == poses_hash(views) for v in own):
-            return path.name
-    return keep_path(directory.path, path, views, directory.config is None)
+            return joined(path.name, deform)
+    return joined(keep_path(directory.path, path, views, fresh), deform)
+
+
+def keep_deform(folder: Path, deform: Deformation | None, fresh: bool) -> str:
+    """Writes what deforms a mesh along a path, as an array; its name from `folder`: a built-in one by its own, none an
+    empty text. InvalidInput as `keep_path`, and for a function."""
+    if deform is None or deform.name in DEFORMS:
+        return "" if deform is None else deform.name
+    deform.hash()  # refuses a function
+    data = io.BytesIO()
+    np.save(data, deform.poses)
+    return _kept(folder, f"{_safe(deform.name)}.npy", data.getvalue(), fresh)
+
+
+def keep_parts(directory: RunDirectory, text: str, beside: Path | None) -> str:
+    """The text of a path by what the directory now keeps: copies of its files, which lie `beside` a configuration, or
+    where they say."""
+    path, deform = parts_of(text)
+
+    def lies(name: str) -> Path:
+        inside = None if beside is None else beside / name
+        return inside if inside is not None and inside.is_file() else Path(name)
+
+    fresh = directory.config is None
+    if of_keys(path):
+        path = keep_file(directory.path, lies(path), fresh)
+    made = None if not deform else Deformation.of(deform if deform in DEFORMS else lies(deform))
+    return joined(path, keep_deform(directory.path, made, fresh))
 
 
 def keep_path(folder: Path, path: CameraPath, views: list[Any], fresh: bool) -> str:
@@ -171,9 +204,11 @@ def source_in(folder: Path, name: str) -> Source:
     return as_source(name) if kept is None else kept
 
 
-def path_in(folder: Path, text: str) -> str | Path:
-    """A path as a run directory names it: the file of the key frames that it keeps, or a built-in name."""
-    return folder / text if (folder / text).is_file() else text
+def path_in(folder: Path, text: str) -> str:
+    """A path as a run directory names it: the file of the key frames that it keeps, or a built-in name; likewise what
+    deforms the mesh."""
+    path, deform = (os.fspath(folder / part) if (folder / part).is_file() else part for part in parts_of(text))
+    return joined(path, deform)
 
 
 def _array_file(folder: Path, name: str, mesh: bool) -> Path:

@@ -21,6 +21,7 @@ from ..disk import attribute_hash
 from ..errors import GLError
 from ..instrument.metrics import pixel_slack
 from ..instrument.yardstick import Yardstick, look_of
+from ..paths.deform import Deformation
 from ..paths.path import CameraPath, poses_hash
 from ..stores.methods import method_table, still
 from ..stores.store import Store
@@ -37,12 +38,27 @@ class CaptureMismatch(GLError):
 
 @dataclass
 class Recording:
-    """What the speed pass leaves: a view, a cut and its costs per frame; times (passes, frames, 3), ms."""
+    """What the speed pass leaves: a view, a cut and its costs per frame; times (passes, frames, 3), ms; what deformed
+    the mesh."""
 
     views: list[Any]
     cuts: list[Any]
     costs: list[dict[str, Any]]
     times: np.ndarray
+    deform: Deformation | None = None
+
+
+Shot = tuple[Any, np.ndarray | None]  # a frame's view, and its control positions, (V, 3), or None: at rest
+
+
+def shots_of(path: CameraPath, store: Store, size: tuple[int, int], fov: float | None) -> list[Shot]:
+    """What a path asks of every frame. Unsupported where it deforms a mesh whose method has no control points."""
+    views = list(path.views(size, fov))
+    if path.deform is None:
+        return [(view, None) for view in views]
+    rest = store.control_positions
+    rest.flags.writeable = False
+    return [(view, path.control_positions(path.time(f), rest)) for f, view in enumerate(views)]
 
 
 def accuracy_indices(frames: int, count: int) -> list[int]:
@@ -55,27 +71,32 @@ def accuracy_indices(frames: int, count: int) -> list[int]:
     return sorted({round(i * (frames - 1) / (count - 1)) for i in range(count)})
 
 
-def speed_pass(session: Any, views: Sequence[Any], budget: Any, *, repeat: int, streams: bool, tick: Any) -> Recording:
+def speed_pass(session: Any, shots: Sequence[Shot], budget: Any, *, repeat: int, streams: bool, tick: Any) -> Recording:
     """Times every frame, `repeat` times, reading nothing back; times are the median over the passes.
 
     Counters and cuts are those of the first pass. Warm-up draws the first view (streaming: until its data
     is there) and, where everything is loaded first, a few views along the path; then the adaptation state
     is reset.
     """
+
+    def frame(f: int) -> tuple[Any, dict[str, Any]]:
+        view, pose = shots[f]
+        return session.time_frame(view, budget, control_positions=pose)
+
     for _ in range(WARM_UP):
-        session.time_frame(views[0], budget)
+        frame(0)
         if streams:
             session.settle()
     if not streams:
-        for f in accuracy_indices(len(views), WARM_UP_SPREAD):
-            session.time_frame(views[f], budget)
+        for f in accuracy_indices(len(shots), WARM_UP_SPREAD):
+            frame(f)
     cuts: list[Any] = []
     costs: list[dict[str, Any]] = []
-    times = np.empty((repeat, len(views), len(tables.TIME_COLUMNS)))
+    times = np.empty((repeat, len(shots), len(tables.TIME_COLUMNS)))
     for again in range(repeat):
         session.reset()
-        for f, view in enumerate(views):
-            cut, cost = session.time_frame(view, budget)
+        for f in range(len(shots)):
+            cut, cost = frame(f)
             times[again, f] = [cost[c] for c in tables.TIME_COLUMNS]
             if again == 0:
                 cuts.append(cut)
@@ -83,15 +104,18 @@ def speed_pass(session: Any, views: Sequence[Any], budget: Any, *, repeat: int, 
             tick()
     for cost, values in zip(costs, np.median(times, axis=0), strict=True):
         cost.update(zip(tables.TIME_COLUMNS, values.tolist(), strict=True))
-    return Recording(list(views), cuts, costs, times)
+    return Recording([view for view, _ in shots], cuts, costs, times)
 
 
-def timed(store: Store, views: Sequence[Any], flight: Flight, *, tick: Any = lambda: None) -> tuple[Any, Recording]:
+def timed(store: Store, path: CameraPath, flight: Flight, *, tick: Any = lambda: None) -> tuple[Any, Recording]:
     """The speed pass of one flight, and the session that it opened."""
     budget = check_budget(store.method, flight.budget)
+    shots = shots_of(path, store, flight.size, flight.fov)
     session = store.core.session(flight.options)
     streams = bool(flight.options.get("stream", False))
-    return session, speed_pass(session, views, budget, repeat=flight.repeat, streams=streams, tick=tick)
+    recording = speed_pass(session, shots, budget, repeat=flight.repeat, streams=streams, tick=tick)
+    recording.deform = path.deform
+    return session, recording
 
 
 def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Mapping[int, dict]) -> list[dict]:
@@ -102,7 +126,7 @@ def frame_rows(store: Store, flight: Flight, recording: Recording, measured: Map
     options = tables.options_text({**store.options, **flight.options})
     hashes = {
         "source_hash": store.source_hash,
-        "poses_hash": poses_hash(recording.views),
+        "poses_hash": poses_hash(recording.views, recording.deform),
         "attribute_hash": attribute_hash(store.options),
     }
     rows = []
@@ -180,7 +204,7 @@ def make_pictures(
         if not yardstick.source.windowed:
             error = yardstick.error_picture(session, recording.cuts[f], recording.views[f])
             pictures.save(extras / f"{f:06d}-error.png", error)
-        reference = yardstick.reference(recording.views[f])
+        reference = yardstick.reference(recording.views[f], recording.cuts[f])
         if reference is not None:
             delta, factor = pictures.difference(drawn.image, reference.image)
             pictures.save(extras / f"{f:06d}-reference.png", reference.image)
@@ -198,6 +222,14 @@ class Flown:
     complaint: str | None = None  # about what the path sees
 
 
+def tell_warnings(run: str, cuts: Sequence[Any]) -> None:
+    """Warns, once a run, of what cuts say that their user should know."""
+    told = [f for f, cut in enumerate(cuts) if cut.warning]
+    if told:
+        many = f"{len(told)} of {len(cuts)} frames, first in frame {told[0]}"
+        warnings.warn(f"run {run}: {cuts[told[0]].warning} ({many})", stacklevel=4)
+
+
 def perform(
     store: Store,
     path: CameraPath,
@@ -209,11 +241,12 @@ def perform(
 ) -> Flown:
     """Both passes and the pictures of one flight. `tick()` is called after every frame of either pass."""
     flight.check()
-    views = list(path.views(flight.size, flight.fov))
-    indices = accuracy_indices(len(views), flight.accuracy_frames)
+    indices = accuracy_indices(len(path), flight.accuracy_frames)
     if indices and yardstick is None:
         yardstick = Yardstick(store.source, options=look_of(store), metrics=flight.metrics)
-    session, recording = timed(store, views, flight, tick=tick)
+    session, recording = timed(store, path, flight, tick=tick)
+    views = recording.views
+    tell_warnings(flight.name, recording.cuts)
     if missing := sum(cut.missing_nodes > 0 for cut in recording.cuts):
         warnings.warn(
             f"run {flight.name}: {missing} of {len(views)} frames drew coarser stand-ins for data that was not there "
@@ -230,7 +263,7 @@ def perform(
     rows = frame_rows(store, flight, recording, measured)
     if folder is not None:
         make_pictures(folder, flight, rows, recording, session, yardstick if indices else None)
-    references = [yardstick.reference(views[f]) for f in indices]
+    references = [yardstick.reference(views[f], recording.cuts[f]) for f in indices]
     depths = (r.depth for r in references if r is not None)
     complaint = sight.complaint(flight.path, store.frame, views, measured.values(), depths)
     return Flown(rows, recording, session, yardstick, complaint)

@@ -20,7 +20,7 @@ from ..stores.build import store_file, store_for
 from ..stores.methods import options_of, still
 from .flight import check_budget
 from .identity import path_in, source_in
-from .passes import Flown, Recording
+from .passes import Flown, Recording, shots_of
 from .toml import read_config
 
 _ALL = "fly with images='all' to keep its pictures"
@@ -42,12 +42,13 @@ def fly_again(run: Any) -> Flown:
         path = make_path(path_in(directory, row["path"]), source, len(run.frames), config.get("fov"))
     except (ValueError, OSError) as error:
         raise InvalidInput(f"{where}: it cannot be drawn again: {error}; {_ALL}") from error
-    views = list(path.views(tuple(config["size"]), config.get("fov")))
+    size, fov = tuple(config["size"]), config.get("fov")
+    views = list(path.views(size, fov))
     options, method = json.loads(row["options"]), row["method"]
     build = {name: options[name] for name in options_of(method, "build")}
     now = {
         "source": ("source", source.hash()),
-        "path": ("poses", poses_hash(views)),
+        "path": ("poses", poses_hash(views, path.deform)),
         "colour raster": ("attribute", attribute_hash(build)),
     }
     for what, (column, value) in now.items():
@@ -62,7 +63,7 @@ def fly_again(run: Any) -> Flown:
     limits = {kind: row[f"budget_{kind}"] for kind in ("pixel_error", "triangles", "nodes")}
     given = {k: v if k == "pixel_error" else int(v) for k, v in limits.items() if not math.isnan(v)}
     budget = check_budget(method, given)
-    cuts = [session.select(view, budget) for view in views]
+    cuts = [session.select(view, budget, pose) for view, pose in shots_of(path, store, size, fov)]
     for f, (cut, wanted) in enumerate(zip(cuts, run.frames["triangles"], strict=True)):
         if cut.triangles != wanted:
             raise InvalidInput(

@@ -80,7 +80,7 @@ class Run:
         if show == "error":
             return Frame(flown.yardstick.error_picture(flown.session, cut, view))
         if show == "reference":
-            reference = flown.yardstick.reference(view)
+            reference = flown.yardstick.reference(view, cut)
             if reference is None:
                 why = f"above {PICTURE_SAMPLES} samples" if flown.yardstick.metrics == "all" else "metrics='geometry'"
                 raise InvalidInput(f"image: run {self.name} has no reference ({why})")

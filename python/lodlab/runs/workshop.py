@@ -22,18 +22,29 @@ from ..disk import rasters, short_hash
 from ..errors import InvalidInput
 from ..instrument import statistics
 from ..instrument.yardstick import Yardstick, look_of
-from ..paths.path import NAMES, CameraPath, default_path, make_path, poses_hash
+from ..paths.path import NAMES, CameraPath, default_path, joined, label_of, make_path, of_keys, poses_hash
 from ..sources.base import Source
 from ..sources.datasets import DATASETS
 from ..sources.spec import parse
 from ..stores.build import store_for
-from ..stores.methods import check_accepts
+from ..stores.methods import check_accepts, check_deforms
 from ..stores.store import Store
 from . import tables
 from .configs import Task, enter, flight_config
 from .directory import RunDirectory
 from .flight import Flight
-from .identity import KEPT_MB, hash_list, keep_array, keep_file, kept_array, path_in, source_in, take_path
+from .identity import (
+    KEPT_MB,
+    hash_list,
+    keep_array,
+    keep_deform,
+    keep_file,
+    keep_parts,
+    kept_array,
+    path_in,
+    source_in,
+    take_path,
+)
 from .passes import accuracy_indices, perform, summary_of, timed
 
 
@@ -104,8 +115,7 @@ class Workshop:
     def compare_with_itself(self, task: Task, frames: Any, tick: Callable[[], Any]) -> list[dict[str, Any]]:
         """The rows of `noise.csv`: a finished run timed once more, against its rows in `frames`."""
         flight = task.flight
-        views = list(self.path(flight).views(flight.size, flight.fov))
-        _, again = timed(self.prepare(task), views, flight, tick=tick)
+        _, again = timed(self.prepare(task), self.path(flight), flight, tick=tick)
         first = frames[frames["run"] == flight.name]
         rows = []
         for i, column in enumerate(tables.TIME_COLUMNS):
@@ -212,12 +222,11 @@ def take_in(
         if text in paths:
             fields = [workshop.source(source) for source in config["sources"]]
             text = take_path(directory, paths[text], fields, tuple(config["size"]), config["fov"])
-        elif text.lower().endswith((".toml", ".json")):
-            inside = None if beside is None else beside / text
-            file = inside if inside is not None and inside.is_file() else Path(text)
-            text = keep_file(directory.path, file, directory.config is None)
+        else:
+            text = keep_parts(directory, text, beside)
         if text in out["paths"]:
-            raise InvalidInput(f"configuration: two paths have the name {Path(text).stem}; give one of them another")
+            name = "+".join(filter(None, label_of(text)))
+            raise InvalidInput(f"configuration: two paths have the name {name}; give one of them another")
         out["paths"].append(text)
     return out
 
@@ -235,23 +244,28 @@ def hashes_of(tasks: Sequence[Task], workshop: Workshop) -> list[dict[str, str]]
         over = f"{flight.path} over {flight.source}"
         if ("path", over) not in found:
             found["source", flight.source] = workshop.source(flight.source).hash()
-            found["path", over] = poses_hash(workshop.path(flight).views(flight.size, flight.fov))
+            track = workshop.path(flight)
+            found["path", over] = poses_hash(track.views(flight.size, flight.fov), track.deform)
         found |= rasters(task.build_options)
     return hash_list(found)
 
 
 def check_tasks(tasks: Sequence[Task], workshop: Workshop) -> None:
     """Finds mistakes before anything is built: sources, what methods accept, paths, views."""
-    seen = set()
+    accepted: set[tuple[str, str]] = set()
+    tracks: dict[tuple[str, str], CameraPath] = {}
     for task in tasks:
         flight = task.flight
         source = workshop.source(flight.source)
-        if ("method", flight.source, task.method) not in seen:
+        if (flight.source, task.method) not in accepted:
             check_accepts(source, task.method)
-            seen.add(("method", flight.source, task.method))
-        if ("path", flight.source, flight.path) not in seen:
-            seen.add(("path", flight.source, flight.path))
-            workshop.path(flight).view(0, flight.size, flight.fov)
+            accepted.add((flight.source, task.method))
+        key = (flight.source, flight.path)
+        if key not in tracks:
+            tracks[key] = workshop.path(flight)
+            tracks[key].view(0, flight.size, flight.fov)
+        if tracks[key].deform is not None:
+            check_deforms(task.method, tracks[key].name)
 
 
 def make_all(
@@ -314,16 +328,19 @@ def enter_flight(
 ) -> Flight:
     """The flight under the names that the directory has for it, which keeps what it rests on."""
     field = store._source  # at hand, or not needed
-    if track.name == Path(flight.path).stem and flight.path.lower().endswith((".toml", ".json")):
-        path = keep_file(directory.path, Path(flight.path), directory.config is None)
-    elif flight.path in NAMES and field is None:
-        path = flight.path  # by its name, or like it: there is nothing to compare it over
+    fresh, camera = directory.config is None, track.with_deform(None).name
+    text = flight.path if track.deform is None else flight.path.removesuffix(f"+{track.deform.name}")
+    if of_keys(text) and camera == Path(text).stem:
+        path = joined(keep_file(directory.path, Path(text), fresh), keep_deform(directory.path, track.deform, fresh))
+    elif text in NAMES and field is None:
+        # by its name, or like it: there is nothing to compare it over
+        path = joined(text, keep_deform(directory.path, track.deform, fresh))
     else:
         path = take_path(directory, track, [] if field is None else [field], flight.size, flight.fov)
     flight = replace(flight, path=path)
     found = {
         ("source", flight.source): store.source_hash,
-        ("path", f"{path} over {flight.source}"): poses_hash(track.views(flight.size, flight.fov)),
+        ("path", f"{path} over {flight.source}"): poses_hash(track.views(flight.size, flight.fov), track.deform),
         **rasters(store.options),
     }
     _, tasks = enter(directory, flight_config(store, flight, device), lambda _: hash_list(found))

@@ -43,6 +43,13 @@ def lacking(source: Source, method: str) -> str:
     return _core.lacking(method, source.core) if source.kind == "mesh" and method_table(method)["needs"] else ""
 
 
+def check_deforms(method: str, path: str) -> None:
+    """Unsupported when a method cannot follow a path that deforms the mesh."""
+    if not method_table(method)["deforms"]:
+        able = ", ".join(m["name"] for m in _core.methods() if m["deforms"]) or "none"
+        raise Unsupported(f"path {path} deforms the mesh: method {method} has no control points ({able} has)")
+
+
 def check_accepts(source: Source, method: str) -> None:
     """Unsupported when a method does not accept a source; InvalidInput, with counts, for a mesh that lacks what it
     needs."""

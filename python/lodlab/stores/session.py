@@ -120,6 +120,11 @@ class Cut:
         return self.core.view
 
     @property
+    def control_positions(self) -> np.ndarray | None:
+        """(V, 3) float64: the control positions that it was selected for; None: at rest."""
+        return self.core.control_positions
+
+    @property
     def digest(self) -> str:
         """Equal texts: two cuts of a store draw the same, whatever view draws them."""
         return self._session.core.digest(self.core)
@@ -169,6 +174,13 @@ def _whole_numbers(what: str, values: Any, dtype: type) -> np.ndarray:
     return np.ascontiguousarray(numbers, dtype=dtype)
 
 
+def _points(what: str, value: Any) -> np.ndarray:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"select: {what} is {type(value).__name__}, no array of numbers") from None
+
+
 def checked_cut(what: str, value: Any) -> Cut:
     if not isinstance(value, Cut):
         raise InvalidInput(f"{what}: cut {value!r} is no lodlab.Cut; store.select(view, budget) makes one")
@@ -199,9 +211,15 @@ class Session:
         self.options = _core.resolve_options(store.method, "draw", options)
         self.core = store.core.session(options)
 
-    def select(self, view: Any, budget: Any) -> Cut:
-        """The cut for a view under a budget (a dict will do). Unsupported: one that the method does not list."""
-        return Cut(self.core.select(_view("select", view), as_budget(budget)), self)
+    def select(self, view: Any, budget: Any, control_positions: Any = None) -> Cut:
+        """The cut for a view under a budget (a dict will do). Unsupported: one that the method does not list.
+
+        `control_positions`: (V, 3), where the store's control points are (`Store.control_positions` at rest). The cut
+        is drawn, captured and measured as they deform the mesh. InvalidInput for another shape and for what is not
+        finite; Unsupported where the method has no control points.
+        """
+        pose = control_positions if control_positions is None else _points("control_positions", control_positions)
+        return Cut(self.core.select(_view("select", view), as_budget(budget), pose), self)
 
     def cut(self, ids: Any, resolutions: Any = None) -> Cut:
         """A cut by hand from node ids (N,) and, where nodes have several, resolutions (N,).

@@ -74,6 +74,14 @@ class Store:
         return self.core.nodes
 
     @property
+    def control_positions(self) -> np.ndarray:
+        """(V, 3) float64: the control points at rest, source units; `select` takes where they are moved to.
+
+        Unsupported where the method has none.
+        """
+        return self.core.control_positions
+
+    @property
     def build_seconds(self) -> float:
         """How long its build took; a resumed one counts all its parts."""
         return self.info()["build_seconds"]
@@ -128,9 +136,9 @@ class Store:
             self._session = self.session()
         return self._session
 
-    def select(self, view: Any, budget: Any) -> Cut:
+    def select(self, view: Any, budget: Any, control_positions: Any = None) -> Cut:
         """`Session.select` of the default session."""
-        return self.default_session.select(view, budget)
+        return self.default_session.select(view, budget, control_positions)
 
     def cut(self, ids: Any, resolutions: Any = None) -> Cut:
         """`Session.cut` of the default session."""

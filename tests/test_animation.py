@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT
+"""Meshes that are deformed while they are flown round: what deforms them, how paths and run directories carry it, and
+what cuts of a pose are measured against."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lodlab as lod
+from lodlab import deform
+from lodlab.errors import InvalidInput, Unsupported
+from lodlab.paths.deform import Deformation
+from lodlab.paths.path import label_of, make_path, over_source, parts_of, path_text, poses_hash
+from lodlab.runs.directory import RunDirectory
+from lodlab.runs.identity import keep_parts, path_in, take_path
+
+SIZE = (160, 120)
+POINTS = np.random.default_rng(3).uniform((-4.0, -1.0, -2.0), (4.0, 1.0, 2.0), (300, 3))
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return lod.datasets.load("icosphere:level=3")
+
+
+# ---- what deforms ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", deform.NAMES)
+def test_built_in_ones_start_at_rest_are_smooth_and_scale_with_the_points(name):
+    at = Deformation.of(name).at
+    assert np.array_equal(at(0.0, POINTS), POINTS)
+    for scale, offset in ((1.0, 0.0), (1000.0, 5e4)):
+        there = at(0.7, scale * POINTS + offset)
+        assert there == pytest.approx(scale * at(0.7, POINTS) + offset, rel=1e-9, abs=1e-9 * scale)
+    steps = [np.linalg.norm(at((f + 1) / 100, POINTS) - at(f / 100, POINTS), axis=1).max() for f in range(100)]
+    assert 0.0 < max(steps) < 0.15
+
+
+def test_bending_and_twisting_keep_what_they_must():
+    line = np.stack([np.linspace(-4.0, 4.0, 2001), np.zeros(2001), np.zeros(2001)], axis=1)
+    box = np.concatenate([line, [[0.0, -1.0, -2.0], [0.0, 1.0, 2.0]]])
+    bent = deform.bend(1.0, box)[:2001]
+    assert np.linalg.norm(np.diff(bent, axis=0), axis=1).sum() == pytest.approx(8.0, rel=1e-6)
+    ends = bent[1] - bent[0], bent[-1] - bent[-2]
+    assert ends[0] @ ends[1] == pytest.approx(0.0, abs=1e-5)  # a quarter of a circle
+    twisted = deform.twist(1.0, POINTS)
+    assert np.array_equal(twisted[:, 0], POINTS[:, 0])
+    middle = 0.5 * (POINTS.min(axis=0) + POINTS.max(axis=0))
+    assert np.hypot(*(twisted - middle)[:, 1:].T) == pytest.approx(np.hypot(*(POINTS - middle)[:, 1:].T))
+
+
+def test_arrays_are_poses_at_equal_steps_and_straight_between():
+    poses = np.stack([POINTS, POINTS + 1.0, POINTS + 5.0])
+    at = Deformation.of(poses).at
+    for t, wanted in ((0.0, 0.0), (0.25, 0.5), (0.5, 1.0), (0.75, 3.0), (1.0, 5.0)):
+        assert at(t, POINTS) == pytest.approx(POINTS + wanted)
+    assert np.array_equal(Deformation.of(POINTS).at(0.3, POINTS), POINTS)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("bent", "none of bend, twist, wave"),
+        ("no_such.npy", "cannot read no_such.npy"),
+        (np.zeros((3, 4)), r"is \(3, 4\), not \(F, V, 3\)"),
+        (np.zeros((0, 4, 3)), r"not \(F, V, 3\)"),
+        (np.where(np.arange(12).reshape(4, 3) == 7, np.nan, 0.0), "not finite at pose 0, control point 2"),
+        ([["a"] * 3], "no array of numbers"),
+        (object(), "no array of numbers"),
+    ],
+)
+def test_what_cannot_deform_is_refused(value, said):
+    with pytest.raises(InvalidInput, match=said):
+        Deformation.of(value)
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda t, rest: rest[:-1], r"t = 0.5 it is \(299, 3\), not \(300, 3\)"),
+        (lambda t, rest: np.where(np.arange(300)[:, None] == 8, np.inf, rest), "control point 8 is not finite"),
+        (lambda t, rest: None, r"it is \(\), not"),
+        (lambda t, rest: "x", "no array"),
+    ],
+)
+def test_what_a_function_says_is_checked(function, said):
+    with pytest.raises(InvalidInput, match=said):
+        Deformation.of(function).at(0.5, POINTS)
+
+
+# ---- paths ----------------------------------------------------------------------------------------
+
+
+def test_the_text_of_a_path_may_say_what_deforms():
+    assert parts_of("orbit") == ("orbit", "")
+    assert parts_of("orbit+bend") == ("orbit", "bend")
+    assert parts_of("a+b/keys.toml+poses/a+b.npy") == ("a+b/keys.toml", "poses/a+b.npy")
+    assert parts_of("my+keys.toml") == ("my+keys.toml", "")
+    assert label_of("paths/keys.toml+paths/poses.npy") == ("keys", "poses")
+    assert over_source("orbit+bend") and not over_source("keys.toml+bend")
+    assert path_text("orbit+wave") == "orbit+wave"
+
+
+def test_a_path_carries_what_deforms(ball):
+    path = make_path("orbit+bend", ball, 5, None)
+    assert (path.name, path.deform.name) == ("orbit+bend", "bend")
+    assert np.array_equal(path.control_positions(0.5, POINTS), deform.bend(0.5, POINTS))
+    assert path.dense(2).deform is path.deform
+    plain = path.with_deform(None)
+    assert plain.name == "orbit" and plain.deform is None and plain.control_positions(0.5, POINTS) is None
+    assert path.with_deform("twist").name == "orbit+twist"
+    views = list(path.views(SIZE))
+    hashes = {poses_hash(views, made.deform) for made in (plain, path, path.with_deform("wave"))}
+    assert len(hashes) == 3
+
+
+def test_a_function_has_no_hash_until_it_is_sampled():
+    made = Deformation.of(lambda t, rest: rest + t)
+    with pytest.raises(InvalidInput, match="a function has no hash"):
+        made.hash()
+    sampled = made.sampled(POINTS, 4)
+    assert sampled.poses.shape == (4, 300, 3) and len(sampled.hash()) == 32
+    assert sampled.at(1.0, POINTS) == pytest.approx(POINTS + 1.0)
+    assert Deformation.of("bend").sampled(POINTS, 4).poses is None
+
+
+def test_a_run_directory_keeps_what_deforms(ball, tmp_path):
+    file = tmp_path / "elsewhere" / "sway.npy"
+    file.parent.mkdir()
+    np.save(file, np.stack([POINTS, POINTS + 1.0]))
+    with RunDirectory(tmp_path / "run") as directory:
+        text = keep_parts(directory, f"orbit+{file}", None)
+        assert text == "orbit+paths/sway.npy"
+        assert keep_parts(directory, "orbit+bend", None) == "orbit+bend"
+        memory = lod.CameraPath.orbit(ball, 3).with_deform(np.stack([POINTS, POINTS + 2.0]))
+        assert take_path(directory, memory, [ball], SIZE, None) == "orbit+paths/poses.npy"
+        with pytest.raises(InvalidInput, match="a function has no hash"):
+            take_path(directory, memory.with_deform(lambda t, rest: rest), [ball], SIZE, None)
+    again = make_path(path_in(tmp_path / "run", text), ball, 3, None)
+    assert again.name == "orbit+sway"
+    assert again.control_positions(1.0, POINTS) == pytest.approx(POINTS + 1.0)
+
+
+# ---- methods that deform nothing --------------------------------------------------------------------
+
+
+def test_a_method_without_control_points_says_so(ball, tmp_path):
+    store = lod.build(ball, "full", tmp_path / "full.lod", progress=False)
+    with pytest.raises(Unsupported, match="method full has no control points"):
+        _ = store.control_positions
+    path = lod.CameraPath.orbit(ball, 2)
+    with pytest.raises(Unsupported, match="method full has no control points"):
+        store.select(path.view(0, SIZE), {"pixel_error": 1.0}, control_positions=POINTS)
+    assert store.select(path.view(0, SIZE), {"pixel_error": 1.0}).control_positions is None
+    with pytest.raises(Unsupported, match=r"orbit\+bend deforms the mesh: method full"):
+        lod.fly(store, path, deform="bend", progress=False)
+    with pytest.raises(Unsupported, match="method discrete has no control points"):
+        lod.sweep(
+            {"sources": ["icosphere:level=3"], "paths": ["orbit+wave"], "methods": ["discrete"],
+             "pixel_errors": [1.0]}, progress=False,
+        )  # fmt: skip
+    with pytest.raises(Unsupported, match="fit: path orbit.twist deforms"):
+        lod.fit(ball, "discrete", tmp_path / "fit.lod", pixel_error=1.0, path="orbit+twist", progress=False)
