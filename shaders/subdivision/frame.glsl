@@ -6,7 +6,7 @@ struct ControlVertex {
   float position[3], normal[3];  // relative to the centre of the source's box
 };
 struct Step {
-  float kappa, never, gain, tau;
+  float kappa, never, gain, tau;  // what a pixel error asks
 };
 layout(std430, binding = 3) readonly buffer Control { ControlVertex control[]; };
 layout(std430, binding = 4) readonly buffer Faces { FaceRecord face_records[]; };
@@ -19,13 +19,12 @@ layout(std430, binding = 6) buffer FrameState {
   int metric, d;
   uint low_code;
   uint everything;       // faces out of sight are refined, too
-  uint most;             // triangles; ~0: the first step holds
-  uint low, high;        // the step that is sought is among these
+  uint most;             // of the triangles that are counted: how many more does not matter
   uint triangles;        // of the pass
-  uint tested;           // of all passes
+  uint tested;
+  Step step;
   uint command[5];       // of the draw: 3 * triangles, 1, 0, 0, 0
 } frame;
-layout(std430, binding = 7) readonly buffer Steps { Step steps[]; };
 
 vec3 control_position(uint v) {
   return vec3(control[v].position[0], control[v].position[1], control[v].position[2]);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Bisects each control face in sight: which side of which triangle is split, two bits each, in the order in which
-// triangles are tested (0: none); and how many triangles are left. COUNT: only how many, of the step half way between the
-// least and the largest that are left.
+// triangles are tested (0: none); and how many triangles are left. COUNT: only how many.
 #include "subdivision/frame.glsl"
 
 LineRecord edge_record(uint edge) { return edge_records[edge]; }
@@ -27,12 +26,6 @@ ivec2 point(uint bits) { return ivec2(bits & 255u, bits >> 8); }
 void main() {
   const uint f = gl_GlobalInvocationID.x;
   if (f >= frame.faces) return;
-#ifdef COUNT
-  if (frame.low >= frame.high) return;
-  const Step step_used = steps[(frame.low + frame.high) >> 1];
-#else
-  const Step step_used = steps[frame.low];
-#endif
   const FaceRecord face = face_records[f];
   const Corners at = Corners(from_eye(control_position(face.corner[0])), from_eye(control_position(face.corner[1])),
                              from_eye(control_position(face.corner[2])));
@@ -40,8 +33,10 @@ void main() {
       Corners(control_normal(face.corner[0]), control_normal(face.corner[1]), control_normal(face.corner[2]));
   uint left = 0u, tested = 0u;
   if (frame.everything != 0u || face_seen(face, at, normals, frame.frustum)) {
-    const RefineFrame refine = RefineFrame(step_used.kappa, step_used.never, step_used.gain, frame.low_code,
+    const RefineFrame refine = RefineFrame(frame.step.kappa, frame.step.never, frame.step.gain, frame.low_code,
                                            frame.metric, frame.d);
+    const Limits limits = limits_of(refine, face);
+    const Metric metric = metric_of(at);
     const int n = 1 << frame.d;
     uvec3 stack[2 * 5 + 2];
     int top = 0;
@@ -51,7 +46,9 @@ void main() {
       const uvec3 next = stack[--top];
       ivec2 p = point(next.x), q = point(next.y), r = point(next.z);
       for (;;) {
-        const int side = split_of(refine, face, at, p, q, r);
+        const int side = split_of(refine, metric, line_between(refine, limits.of[limit_place(refine, p, q)], at, p, q),
+                                  line_between(refine, limits.of[limit_place(refine, q, r)], at, q, r),
+                                  line_between(refine, limits.of[limit_place(refine, r, p)], at, r, p), p, q, r);
 #ifndef COUNT
         bits |= uint(side) << (2u * (tested & 15u));
         if ((tested & 15u) == 15u) {

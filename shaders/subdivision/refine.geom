@@ -24,6 +24,13 @@ void go_on(uint f, ivec2 p, ivec2 q, ivec2 r) {
   EndStreamPrimitive(0);
 }
 
+Line side_between(RefineFrame refine, FaceRecord face, Corners at, ivec2 p, ivec2 q) {
+  const int place = limit_place(refine, p, q), side = place / LODLAB_LEVELS - 1, level = place % LODLAB_LEVELS;
+  LineRecord record = face.inner;
+  if (side >= 0) record = edge_records[face.edge[side]];
+  return line_between(refine, limit_of(refine, record, level), at, p, q);
+}
+
 void main() {
   const uint f = v_triangle[0].x;
   const FaceRecord face = face_records[f];
@@ -34,11 +41,11 @@ void main() {
       Corners(control_normal(face.corner[0]), control_normal(face.corner[1]), control_normal(face.corner[2]));
   if (frame.everything == 0u && !face_seen(face, at, normals, frame.frustum)) return;
 #endif
-  const Step step_used = steps[frame.low];
   const RefineFrame refine =
-      RefineFrame(step_used.kappa, step_used.never, step_used.gain, frame.low_code, frame.metric, frame.d);
+      RefineFrame(frame.step.kappa, frame.step.never, frame.step.gain, frame.low_code, frame.metric, frame.d);
   ivec2 p = point(v_triangle[0].y), q = point(v_triangle[0].y >> 16), r = point(v_triangle[0].z);
-  const int side = split_of(refine, face, at, p, q, r);
+  const int side = split_of(refine, metric_of(at), side_between(refine, face, at, p, q),
+                            side_between(refine, face, at, q, r), side_between(refine, face, at, r, p), p, q, r);
   if (side != 0) {
     const ivec2 a = p, b = q, c = r;
     if (side == 2) p = b, q = c, r = a;

@@ -21,19 +21,19 @@ namespace lodlab::subdivision {
 #define LODLAB_PRECISE
 #define LODLAB_TEMPLATE template <class EdgeRecordOf>
 #define LODLAB_EDGES , const EdgeRecordOf& edge_record
-#define LODLAB_PASS_EDGES , edge_record
 using glm::ivec2;
 using glm::vec3;
 using std::abs;
 inline float uintBitsToFloat(uint bits) { return std::bit_cast<float>(bits); }
-inline int findMSB(int value) { return static_cast<int>(std::bit_width(static_cast<uint>(value))) - 1; }
+inline int floatBitsToInt(float value) { return std::bit_cast<int>(value); }
 #else
 #define LODLAB_FUNCTION
 #define LODLAB_PRECISE precise
 #define LODLAB_TEMPLATE
 #define LODLAB_EDGES
-#define LODLAB_PASS_EDGES
 #endif
+
+#define LODLAB_LEVELS 11  // of the largest pattern, 2^5 steps a side
 
 /// Corners of a face relative to the eye.
 struct Corners {
@@ -89,82 +89,122 @@ LODLAB_FUNCTION float flat_length(Corners at, ivec2 p, ivec2 q, int n) {
 
 /// Of a line in the family of bisections, lattice steps times a power of 2 or those times sqrt(3); -1: of no such line.
 LODLAB_FUNCTION int family_level(int squared, int d) {
-  int top = findMSB(squared);
-  if (squared == (1 << top) && (top & 1) == 0) return 2 * d - top;
-  return squared == (3 << (top - 1)) && (top & 1) == 1 ? 2 * d - top : -1;
+  int bits = floatBitsToInt(float(squared)), top = (bits >> 23) - 127, rest = bits & 0x7fffff;
+  return rest == ((top & 1) == 0 ? 0 : 0x400000) ? 2 * d - top : -1;
 }
 
 /// The radius of a line's ball, of that of a control edge: each holds those of what lies below it, and the triangles
 /// of which it is the longest line.
 LODLAB_FUNCTION float ball_of(int level) {
-  return (level & 1) == 0 ? uintBitsToFloat(uint(127 - (level >> 1)) << 23)
-                          : 0.75f * uintBitsToFloat(uint(127 - (level >> 1)) << 23);
+  float even = uintBitsToFloat(uint(127 - (level >> 1)) << 23);
+  return (level & 1) == 0 ? even : 0.75f * even;
 }
 
-LODLAB_FUNCTION bool record_wants(RefineFrame frame, LineRecord record, Corners at, ivec2 p, ivec2 q) {
-  int n = 1 << frame.d, level = family_level(squared_length(q - p), frame.d);
-  if (frame.metric == LODLAB_METRIC_LEVEL) return level >= 0 && level < int(record.drawn);
-  vec3 middle = middle_of(at, p, q, n);
-  if (frame.metric == LODLAB_METRIC_BOUND) {
-    if (level < 0) return false;
-    LODLAB_PRECISE float bound = bound_of_code(frame.low_code, code_of(record, level)) * record.scale;
-    if (!(bound > frame.never)) return false;
-    // What is above outlives what is below by more than floats round.
-    float widened = 1.0f + 1e-5f * float(2 * frame.d + 1 - level);
-    LODLAB_PRECISE float ball = record.spread * ball_of(level) + record.swell;
-    LODLAB_PRECISE float reach = (frame.kappa * bound + ball) * widened;
-    LODLAB_PRECISE float squared = reach * reach;
-    return dotted(middle, middle) < squared;
-  }
-  LODLAB_PRECISE float seen = frame.gain * flat_length(at, p, q, n);
+/// Lines of a level whose middle is nearer to the eye, squared, want a split; by the paper's metrics those whose squared
+/// length is larger than their middle's squared distance by this factor.
+LODLAB_FUNCTION float limit_of(RefineFrame frame, LineRecord record, int level) {
+  if (frame.metric == LODLAB_METRIC_LEVEL) return level < int(record.drawn) ? 3e38f : -1.0f;
+  if (frame.metric == LODLAB_METRIC_LENGTH) return frame.gain;
   if (frame.metric == LODLAB_METRIC_CURVATURE) {
-    LODLAB_PRECISE float curved = seen * (record.slope * record.slope);
-    seen = curved;
+    LODLAB_PRECISE float curved = frame.gain * (record.slope * record.slope);
+    return curved;
   }
-  return seen > dotted(middle, middle);
+  LODLAB_PRECISE float bound = bound_of_code(frame.low_code, code_of(record, level)) * record.scale;
+  // What is above outlives what is below by more than floats round.
+  float widened = 1.0f + 1e-5f * float(2 * frame.d + 1 - level);
+  LODLAB_PRECISE float ball = record.spread * ball_of(level) + record.swell;
+  LODLAB_PRECISE float reach = (frame.kappa * bound + ball) * widened;
+  LODLAB_PRECISE float squared = reach * reach;
+  return bound > frame.never ? squared : -1.0f;
 }
 
-LODLAB_TEMPLATE LODLAB_FUNCTION bool line_wants(RefineFrame frame, FaceRecord face, Corners at, ivec2 p,
-                                                ivec2 q LODLAB_EDGES) {
-  int side = side_of(p, q, 1 << frame.d);
-  if (side < 0) return record_wants(frame, face.inner, at, p, q);
-  return record_wants(frame, edge_record(face.edge[side]), at, p, q);
-}
+/// Limits of a face's own lines, then of those on its edges 0 to 2: a row of LODLAB_LEVELS each.
+struct Limits {
+  float of[4 * LODLAB_LEVELS];
+};
 
-/// Whether a line is longer on the screen than another one.
-LODLAB_FUNCTION bool seen_longer(Corners at, ivec2 p, ivec2 q, ivec2 r, ivec2 s, int n) {
-  vec3 here = middle_of(at, p, q, n), there = middle_of(at, r, s, n);
-  LODLAB_PRECISE float one = flat_length(at, p, q, n) * dotted(there, there);
-  LODLAB_PRECISE float other = flat_length(at, r, s, n) * dotted(here, here);
-  return one > other;
-}
-
-/// Which side of a triangle between three points is split: 1 to 3 from its corner 0 to 2; 0: none. Of those that want it,
-/// the longest on the pattern, of equals the longest on the screen. A side without a point in its middle, of the finest
-/// triangles (1, 1, sqrt(3)), stands for its swap with the other diagonal.
-LODLAB_TEMPLATE LODLAB_FUNCTION int split_of(RefineFrame frame, FaceRecord face, Corners at, ivec2 p0, ivec2 p1,
-                                             ivec2 p2 LODLAB_EDGES) {
-  ivec2 point[3];
-  point[0] = p0;
-  point[1] = p1;
-  point[2] = p2;
-  int squared[3];
-  for (int k = 0; k < 3; ++k) squared[k] = squared_length(point[(k + 1) % 3] - point[k]);
-  int best = 0, longest = 0;
-  for (int k = 0; k < 3; ++k) {
-    ivec2 p = point[k], q = point[(k + 1) % 3], way = q - p;
-    if (squared[k] < longest || squared[k] == 1) continue;
-    bool swap = squared[k] == 3 && squared[(k + 1) % 3] == 1 && squared[(k + 2) % 3] == 1;
-    swap = swap && (frame.metric == LODLAB_METRIC_BOUND || frame.metric == LODLAB_METRIC_LEVEL);
-    if (((way.x | way.y) & 1) != 0 && !swap) continue;
-    if (!line_wants(frame, face, at, p, q LODLAB_PASS_EDGES)) continue;
-    if (squared[k] == longest &&
-        !seen_longer(at, p, q, point[best - 1], point[best % 3], 1 << frame.d))
-      continue;
-    best = k + 1;
-    longest = squared[k];
+LODLAB_TEMPLATE LODLAB_FUNCTION Limits limits_of(RefineFrame frame, FaceRecord face LODLAB_EDGES) {
+  Limits limits;
+  for (int side = 0; side < 3; ++side) {
+    LineRecord record = edge_record(face.edge[side]);
+    for (int level = 0; level <= 2 * frame.d; ++level)
+      limits.of[(side + 1) * LODLAB_LEVELS + level] = limit_of(frame, record, level);
   }
-  return best;
+  for (int level = 0; level <= 2 * frame.d; ++level) limits.of[level] = limit_of(frame, face.inner, level);
+  return limits;
+}
+
+/// The metric of a control face: squared lengths of lines on it.
+struct Metric {
+  float uu, uv, vv;
+};
+
+LODLAB_FUNCTION Metric metric_of(Corners at) {
+  vec3 u = at.b - at.a, v = at.c - at.a;
+  Metric metric;
+  metric.uu = dotted(u, u);
+  metric.uv = dotted(u, v);
+  metric.vv = dotted(v, v);
+  return metric;
+}
+
+LODLAB_FUNCTION float squared_by(Metric metric, ivec2 way) {
+  LODLAB_PRECISE float sum = (float(way.x * way.x) * metric.uu + float(2 * way.x * way.y) * metric.uv) +
+                             float(way.y * way.y) * metric.vv;
+  return sum;
+}
+
+/// Where the limit of a line is among a face's.
+LODLAB_FUNCTION int limit_place(RefineFrame frame, ivec2 p, ivec2 q) {
+  int level = family_level(squared_length(q - p), frame.d);
+  return (side_of(p, q, 1 << frame.d) + 1) * LODLAB_LEVELS + (level < 0 ? 0 : level);
+}
+
+struct Line {
+  bool wants;   // a split, where there is a point in its middle
+  float far;    // squared distance of the middle
+  int squared;  // length on the pattern
+};
+
+LODLAB_FUNCTION Line line_between(RefineFrame frame, float limit, Corners at, ivec2 p, ivec2 q) {
+  int n = 1 << frame.d;
+  Line line;
+  line.squared = squared_length(q - p);
+  vec3 middle = middle_of(at, p, q, n);
+  line.far = dotted(middle, middle);
+  if (frame.metric == LODLAB_METRIC_LENGTH || frame.metric == LODLAB_METRIC_CURVATURE) {
+    LODLAB_PRECISE float seen = limit * flat_length(at, p, q, n);
+    line.wants = seen > line.far;
+  } else {
+    line.wants = line.far < limit && family_level(line.squared, frame.d) >= 0;
+  }
+  return line;
+}
+
+/// Whether a side is split before another one that wants it, too: the longer on the pattern, of equals on the screen.
+LODLAB_FUNCTION bool first_of(Line line, ivec2 way, Line other, ivec2 other_way, Metric metric) {
+  LODLAB_PRECISE float seen = squared_by(metric, way) * other.far;
+  LODLAB_PRECISE float other_seen = squared_by(metric, other_way) * line.far;
+  return line.squared > other.squared || (line.squared == other.squared && seen > other_seen);
+}
+
+LODLAB_FUNCTION bool halvable(ivec2 way) { return ((way.x | way.y) & 1) == 0; }
+
+/// Which of three sides of a triangle is split: 1 to 3 from its corner 0 to 2; 0: none. Of those that want it, the longest
+/// on the pattern, of equals the longest on the screen. A side without a point in its middle, of the finest triangles
+/// (1, 1, sqrt(3)), stands for its swap with the other diagonal.
+LODLAB_FUNCTION int split_of(RefineFrame frame, Metric metric, Line first, Line second, Line third, ivec2 p0, ivec2 p1,
+                             ivec2 p2) {
+  bool swaps = (frame.metric == LODLAB_METRIC_BOUND || frame.metric == LODLAB_METRIC_LEVEL) &&
+               first.squared + second.squared + third.squared == 5;
+  first.wants = first.wants && (halvable(p1 - p0) || (swaps && first.squared == 3));
+  second.wants = second.wants && (halvable(p2 - p1) || (swaps && second.squared == 3));
+  third.wants = third.wants && (halvable(p0 - p2) || (swaps && third.squared == 3));
+  int best = first.wants ? 1 : 0;
+  if (second.wants && (best == 0 || first_of(second, p2 - p1, first, p1 - p0, metric))) best = 2;
+  bool over_best = best == 1 ? first_of(third, p0 - p2, first, p1 - p0, metric)
+                             : first_of(third, p0 - p2, second, p2 - p1, metric);
+  return third.wants && (best == 0 || over_best) ? 3 : best;
 }
 
 LODLAB_FUNCTION bool before(ivec2 a, ivec2 b) { return a.y < b.y || (a.y == b.y && a.x < b.x); }
@@ -219,7 +259,6 @@ LODLAB_FUNCTION bool face_seen(FaceRecord face, Corners at, Corners normals, Fru
 #undef LODLAB_PRECISE
 #undef LODLAB_TEMPLATE
 #undef LODLAB_EDGES
-#undef LODLAB_PASS_EDGES
 }  // namespace lodlab::subdivision
 #endif
 #endif

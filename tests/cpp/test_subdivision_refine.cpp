@@ -170,8 +170,11 @@ TEST_CASE("a million lines of control edges decide alike from both of their face
           return side == 0 ? ivec2(s, 0) : side == 1 ? ivec2(n - s, s) : ivec2(0, n - s);
         };
         const auto at = [&](size_t c) { return (rest.positions[face.corner[c]] - high) - low; };
-        wants[k] =
-            line_wants(frame, face, {at(0), at(1), at(2)}, point(first), point(first + length), edge_record);
+        CHECK(side_of(point(first), point(first + length), n) == static_cast<int>(side));
+        const Corners corners = {at(0), at(1), at(2)};
+        const Limits limits = limits_of(frame, face, edge_record);
+        const ivec2 p = point(first), q = point(first + length);
+        wants[k] = line_between(frame, limits.of[limit_place(frame, p, q)], corners, p, q).wants;
       }
       CHECK(wants[0] == wants[1]);
       ++decided;

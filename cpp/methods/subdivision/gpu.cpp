@@ -4,8 +4,7 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
-#include <bit>
-#include <cstddef>
+#include <cstring>
 
 #include "base/errors.h"
 #include "gl/error.h"
@@ -20,7 +19,6 @@ enum Binding : unsigned {
   kFaces = 4,
   kEdges = 5,
   kState = 6,
-  kSteps = 7,
   kSplits = 8,
   kCounts = 9,
   kIndices = 10,
@@ -34,8 +32,6 @@ enum Binding : unsigned {
 
 constexpr unsigned kGroup = 64;
 constexpr unsigned kMostGroups = 32768;
-
-static_assert(offsetof(FrameState, faces) == 112 && offsetof(FrameState, command) == 152);
 
 std::vector<std::string> defines(const SubdivisionHierarchy& hierarchy, std::string more = "") {
   const Pattern& pattern = hierarchy.pattern();
@@ -98,7 +94,6 @@ Gpu::Gpu(const SubdivisionHierarchy& h, bool feedback)
       surface_(render::make_surface(h.box())),
       displace_(program(h, "subdivision/displace.comp")),
       count_(program(h, "subdivision/refine.comp", "COUNT")),
-      search_(program(h, "subdivision/search.comp")),
       refine_(program(h, "subdivision/refine.comp")),
       place_(program(h, "subdivision/place.comp")),
       emit_(program(h, "subdivision/emit.comp")),
@@ -113,12 +108,14 @@ Gpu::Gpu(const SubdivisionHierarchy& h, bool feedback)
       positions_(faces_ * points_ * 12),
       splits_(faces_ * words_ * 4),
       counts_((faces_ + 1) * 4),
-      state_(sizeof(FrameState)) {
+      state_(sizeof(FrameState)),
+      indices_(12) {
   if (faces_ * points_ > INT32_MAX) {
     throw Unsupported("subdivision: " + std::to_string(faces_) + " control faces of " +
                       std::to_string(points_) + " points are more than 32-bit indices tell apart");
   }
   if (feedback) feedback_.emplace(defines(h));
+  array_.indices(indices_);
   array_.floats(0, 0, 3, GL_FLOAT, 0);
   array_.source(0, positions_, 0, 12);
   displace();
@@ -142,18 +139,9 @@ void Gpu::displace() {
   gl::check("placing the points of control faces");
 }
 
-void Gpu::refine(const Uniforms& uniforms, const Search& search, render::Work& work) {
-  run(uniforms, search, records_, edge_records_, work);
-}
-
-void Gpu::refine(const Uniforms& uniforms, const Records& records, render::Work& work) {
-  const gl::Buffer faces(records.face), edges(records.edge);
-  work.submitted.upload_bytes += faces.bytes() + edges.bytes();
-  run(uniforms, {{Step{}}, std::nullopt}, faces, edges, work);
-}
-
-void Gpu::run(const Uniforms& u, const Search& search, const gl::Buffer& faces, const gl::Buffer& edges,
-              render::Work& work) {
+/// The frame's state, with what its passes read bound.
+FrameState Gpu::begin(const Uniforms& u, const gl::Buffer& faces, const gl::Buffer& edges,
+                      render::Work& work) {
   FrameState state = {};
   std::copy_n(u.eye_high, 3, state.eye_high);
   std::copy_n(u.eye_low, 3, state.eye_low);
@@ -163,88 +151,109 @@ void Gpu::run(const Uniforms& u, const Search& search, const gl::Buffer& faces, 
   state.d = u.d;
   state.low_code = u.low_code;
   state.everything = work.everything() ? 1 : 0;
-  state.most = search.most.value_or(~0u);
-  state.high = static_cast<uint32_t>(search.steps.size() - 1);
+  state.most = ~0u;
   if (uploaded_now_) work.submitted.upload_bytes += bytes();
   uploaded_now_ = false;
-  state_.upload(0, std::as_bytes(std::span(&state, 1)));
-  work.submitted.upload_bytes += state_.bytes();
-  send(steps_, as_bytes(search.steps), work.submitted);
   bind(kControl, control_);
   bind(kFaces, faces);
   bind(kEdges, edges);
   bind(kState, state_);
-  bind(kSteps, steps_);
   bind(kSplits, splits_);
   bind(kCounts, counts_);
-  if (feedback_) {
-    run_feedback(state, search, work);
-  } else {
-    run_compute(search.most.has_value(), work);
-  }
+  bind(kIndices, indices_);
+  return state;
 }
 
-void Gpu::run_compute(bool search, render::Work& work) {
-  const int64_t steps = steps_.bytes() / static_cast<int64_t>(sizeof(Step));
-  if (search) {
-    for (auto rounds = std::bit_width(static_cast<uint64_t>(steps - 1)); rounds > 0; --rounds) {
-      count_.use();
-      gl::Program::dispatch(groups(faces_));
-      search_.use();
-      gl::Program::dispatch(1);
-    }
+void Gpu::send(const FrameState& state, render::Work& work) {
+  state_.upload(0, std::as_bytes(std::span(&state, 1)));
+  work.submitted.upload_bytes += state_.bytes();
+}
+
+FrameState Gpu::state_now() const {
+  FrameState out;
+  state_.read(0, std::as_writable_bytes(std::span(&out, 1)));
+  return out;
+}
+
+void Gpu::refine(const Uniforms& uniforms, const Search& search, render::Work& work) {
+  FrameState state = begin(uniforms, records_, edge_records_, work);
+  const Kept asked{uniforms, search.steps[0], search.most.value_or(~0u), state.everything};
+  if (kept_ && std::memcmp(&*kept_, &asked, sizeof asked) == 0) {  // all is there
+    work.when_done([this](render::Submitted& submitted) { submitted.triangles += state_now().triangles; });
+    return;
+  }
+  kept_.reset();
+  size_t step = 0;
+  if (search.most) {
+    const int64_t most = *search.most;
+    step = first_that_fits(search.steps.size(), from_, [&](size_t at) {
+      state.step = search.steps[at];
+      return count(state, most, work) <= most;
+    });
+    if (uniforms.metric == LODLAB_METRIC_BOUND) from_ = step;
+  }
+  state.step = search.steps[step];
+  run(state, work);
+  kept_ = asked;
+}
+
+void Gpu::refine(const Uniforms& uniforms, const Records& records, render::Work& work) {
+  const gl::Buffer faces(records.face), edges(records.edge);
+  work.submitted.upload_bytes += faces.bytes() + edges.bytes();
+  FrameState state = begin(uniforms, faces, edges, work);
+  kept_.reset();
+  run(state, work);
+}
+
+int64_t Gpu::count(FrameState& state, int64_t most, render::Work& work) {
+  state.most = static_cast<uint32_t>(most);
+  send(state, work);
+  if (feedback_) {
+    const Feedback::Result result = feedback_->run(faces_, most, indices_);
+    work.submitted.processed += result.tested;
+    return result.triangles;
+  }
+  count_.use();
+  gl::Program::dispatch(groups(faces_));
+  const FrameState after = state_now();
+  work.submitted.processed += after.tested;
+  return after.triangles;
+}
+
+void Gpu::run(FrameState& state, render::Work& work) {
+  send(state, work);
+  if (feedback_) {
+    const Feedback::Result result = feedback_->run(faces_, INT64_MAX, indices_);
+    work.submitted.processed += result.tested;
+    work.submitted.triangles += result.triangles;
+    state.triangles = static_cast<uint32_t>(result.triangles);
+    state.command[0] = 3 * state.triangles;
+    state.command[1] = 1;
+    send(state, work);
+    array_.indices(indices_);
+    return;
   }
   refine_.use();
   gl::Program::dispatch(groups(faces_));
   place_.use();
   gl::Program::dispatch(1);
   make_room();
-  bind(kIndices, indices_);
   emit_.use();
   gl::Program::dispatch(groups(faces_));
   work.when_done([this](render::Submitted& submitted) {
-    FrameState after;
-    state_.read(0, std::as_writable_bytes(std::span(&after, 1)));
+    const FrameState after = state_now();
     submitted.triangles += after.triangles;
     submitted.processed += after.tested;
   });
-}
-
-/// The search is the CPU's here, which learns of each pass how many triangles it left.
-void Gpu::run_feedback(FrameState& state, const Search& search, render::Work& work) {
-  const int64_t most = search.most ? int64_t{*search.most} : INT64_MAX;
-  const auto run = [&](uint32_t step, int64_t limit) {
-    state.low = state.high = step;
-    state_.upload(0, std::as_bytes(std::span(&state, 1)));
-    const Feedback::Result result = feedback_->run(faces_, limit, indices_);
-    work.submitted.processed += result.tested;
-    return result.triangles;
-  };
-  uint32_t low = 0, high = static_cast<uint32_t>(search.steps.size() - 1);
-  while (low < high) {
-    const uint32_t middle = (low + high) / 2;
-    if (run(middle, most) > most) {
-      low = middle + 1;
-    } else {
-      high = middle;
-    }
-  }
-  const int64_t triangles = run(low, INT64_MAX);
-  work.submitted.triangles += triangles;
-  state.command[0] = static_cast<uint32_t>(3 * triangles);
-  state.command[1] = 1;
-  state_.upload(0, std::as_bytes(std::span(&state, 1)));
-  array_.indices(indices_);
 }
 
 /// For all triangles that are left. Their number is read back only while there may be too little room.
 void Gpu::make_room() {
   constexpr int64_t kTriangle = 12;
   if (indices_.bytes() >= kTriangle * most_triangles_) return;
-  uint32_t triangles = 0;
-  state_.read(offsetof(FrameState, triangles), std::as_writable_bytes(std::span(&triangles, 1)));
-  if (reserve(indices_, kTriangle * std::max<int64_t>(triangles, 1), kTriangle * most_triangles_))
-    array_.indices(indices_);
+  const int64_t bytes = kTriangle * std::max<int64_t>(state_now().triangles, 1);
+  if (reserve(indices_, bytes, kTriangle * most_triangles_)) array_.indices(indices_);
+  bind(kIndices, indices_);
 }
 
 void Gpu::draw(const Uniforms& uniforms, render::Pass& pass) {
@@ -262,9 +271,8 @@ void Gpu::draw(const Uniforms& uniforms, render::Pass& pass) {
 
 int64_t Gpu::bytes() const {
   int64_t out = 0;
-  for (const gl::Buffer* buffer :
-       {&control_, &records_, &edge_records_, &heights_, &ranges_, &packed_, &points_table_, &positions_,
-        &splits_, &counts_, &state_, &steps_, &indices_})
+  for (const gl::Buffer* buffer : {&control_, &records_, &edge_records_, &heights_, &ranges_, &packed_,
+                                   &points_table_, &positions_, &splits_, &counts_, &state_, &indices_})
     out += buffer->bytes();
   return out + (feedback_ ? feedback_->bytes() : 0);
 }

@@ -3,6 +3,7 @@
 // and the passes of a frame (shaders/subdivision).
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -22,16 +23,20 @@ struct Search {
   std::optional<uint32_t> most;
 };
 
+/// Of the steps among which a number of triangles is sought, sixteen for each power of two.
+inline constexpr size_t kSteps = 512, kFirstStep = kSteps / 2;
+
 /// Of frame.glsl.
 struct FrameState {
   float eye_high[4], eye_low[4];
   Frustum frustum;
   uint32_t faces;
   int32_t metric, d;
-  uint32_t low_code, everything, most, low, high, triangles, tested;
+  uint32_t low_code, everything, most, triangles, tested;
+  Step step;
   uint32_t command[5], padding;
 };
-static_assert(sizeof(FrameState) == 176);
+static_assert(sizeof(FrameState) == 184 && offsetof(FrameState, faces) == 112);
 
 class Gpu {
  public:
@@ -46,20 +51,31 @@ class Gpu {
 
  private:
   void displace();
-  void run(const Uniforms& uniforms, const Search& search, const gl::Buffer& faces, const gl::Buffer& edges,
-           render::Work& work);
-  void run_compute(bool search, render::Work& work);
-  void run_feedback(FrameState& state, const Search& search, render::Work& work);
+  /// Refines by a step. More than `most` triangles: it may end before all are counted.
+  int64_t count(FrameState& state, int64_t most, render::Work& work);
+  void run(FrameState& state, render::Work& work);
+  FrameState begin(const Uniforms& uniforms, const gl::Buffer& faces, const gl::Buffer& edges,
+                   render::Work& work);
+  void send(const FrameState& state, render::Work& work);
+  FrameState state_now() const;
   void make_room();
 
   int64_t faces_, points_, words_, most_triangles_;
   std::shared_ptr<const render::Surface> surface_;
-  gl::Program displace_, count_, search_, refine_, place_, emit_;
+  gl::Program displace_, count_, refine_, place_, emit_;
   render::SurfaceProgram draw_;
   gl::Buffer control_, records_, edge_records_, heights_, ranges_, packed_, points_table_;
-  gl::Buffer positions_, splits_, counts_, state_, steps_, indices_;
+  gl::Buffer positions_, splits_, counts_, state_, indices_;
   gl::VertexArray array_;
   std::optional<Feedback> feedback_;
+  struct Kept {
+    Uniforms uniforms;
+    Step step;
+    uint32_t most, everything;
+  };
+  static_assert(sizeof(Kept) == sizeof(Uniforms) + 24);  // compared byte by byte
+  std::optional<Kept> kept_;                             ///< what the indices are of
+  size_t from_ = kFirstStep;  ///< where the next search begins: what it finds does not depend on it
   bool uploaded_now_ = true;  ///< the next frame reports the upload
 };
 

@@ -57,6 +57,11 @@ int64_t Refinement::for_triangles(size_t f, const std::function<void(const Patte
   const FaceRecord& face = lying_.records.face[f];
   const Corners at = corners(face);
   const auto edge_record = [&](uint32_t e) -> const LineRecord& { return lying_.records.edge[e]; };
+  const Limits limits = limits_of(frame_, face, edge_record);
+  const Metric metric = metric_of(at);
+  const auto line = [&](ivec2 p, ivec2 q) {
+    return line_between(frame_, limits.of[limit_place(frame_, p, q)], at, p, q);
+  };
   const int n = 1 << uniforms_.d;
   std::array<PatternTriangle, 2 * kMostDoublings + 2> stack;
   size_t top = 0;
@@ -66,7 +71,8 @@ int64_t Refinement::for_triangles(size_t f, const std::function<void(const Patte
     PatternTriangle t = stack[--top];
     for (;;) {
       ++tested;
-      const int side = split_of(frame_, face, at, t.p0, t.p1, t.p2, edge_record);
+      const int side =
+          split_of(frame_, metric, line(t.p0, t.p1), line(t.p1, t.p2), line(t.p2, t.p0), t.p0, t.p1, t.p2);
       if (side == 0) {
         visit(t);
         break;

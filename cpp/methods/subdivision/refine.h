@@ -2,6 +2,7 @@
 // The refinement of a frame on the CPU: what the GPU does (shaders/subdivision), decision by decision.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -11,12 +12,33 @@
 
 namespace lodlab::subdivision {
 
-/// What a pixel error asks of lines; a row of what the GPU searches for a number of triangles.
+/// What a pixel error asks of lines.
 struct Step {
   float kappa, never, gain;
   float tau;
 };
 static_assert(sizeof(Step) == 16);
+
+/// The first of `count` steps that fits, where those after one that fits do, too, and the last is taken for
+/// one; sought from `from` on, in growing strides.
+template <class Fits>
+size_t first_that_fits(size_t count, size_t from, const Fits& fits) {
+  size_t low = 0, high = count - 1;
+  bool up = false, down = false;
+  for (size_t at = from, stride = 1; low < high; stride *= 2) {
+    at = std::clamp(at, low, high - 1);
+    if (fits(at)) {
+      high = at;
+      down = true;
+      at = up ? (low + high) / 2 : at - std::min(at, stride);
+    } else {
+      low = at + 1;
+      up = true;
+      at = down ? (low + high) / 2 : at + stride;
+    }
+  }
+  return low;
+}
 
 /// All that decides a frame.
 struct Uniforms {

@@ -16,8 +16,7 @@
 namespace lodlab::subdivision {
 namespace {
 
-/// Pixel errors among which a number of triangles is sought: sixteen for each power of two.
-constexpr size_t kSteps = 512;
+/// The finest pixel error of a search for a number of triangles.
 constexpr double kFinestStep = 0x1p-12;
 
 struct Selection : Record {
@@ -105,16 +104,10 @@ int64_t SubdivisionSession::count(const Uniforms& uniforms, const Step& step, in
 }
 
 size_t SubdivisionSession::step_within(const Uniforms& uniforms, const Search& search) const {
-  size_t low = 0, high = search.steps.size() - 1;
-  while (search.most && low < high) {
-    const size_t middle = (low + high) / 2;
-    if (count(uniforms, search.steps[middle], *search.most) > int64_t{*search.most}) {
-      low = middle + 1;
-    } else {
-      high = middle;
-    }
-  }
-  return low;
+  if (!search.most) return 0;
+  const int64_t most = *search.most;
+  return first_that_fits(search.steps.size(), kFirstStep,
+                         [&](size_t at) { return count(uniforms, search.steps[at], most) <= most; });
 }
 
 void SubdivisionSession::resolve(Cut& cut) const {
