@@ -143,6 +143,134 @@ def test_a_run_directory_keeps_what_deforms(ball, tmp_path):
     assert again.control_positions(1.0, POINTS) == pytest.approx(POINTS + 1.0)
 
 
+# ---- a mesh that moves -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def blob():
+    return lod.datasets.load("blob:size=24")
+
+
+@pytest.fixture(scope="module")
+def store(blob, tmp_path_factory):
+    return lod.build(
+        blob, "subdivision", tmp_path_factory.mktemp("pose") / "a.lod", degree=9, target=200, progress=False
+    )
+
+
+BUDGET = {"pixel_error": 2.0}
+
+
+@pytest.mark.parametrize("name", deform.NAMES)
+def test_what_is_drawn_follows_the_pose_without_cracks(blob, store, name):
+    path = lod.CameraPath.orbit(blob, 4).with_deform(name)
+    run = lod.fly(store, path, BUDGET, size=SIZE, accuracy_frames=4, progress=False)
+    rows = run.frames
+    assert (rows["crack_edges"] == 0).all() and (rows["capture_mismatch_pixels"] == 0).all()
+    assert not rows["promises_bound"][1:].any()
+    assert rows["promises_bound"][0]  # at rest
+    assert (rows["measured_px_max"] <= 2.0 * BUDGET["pixel_error"]).all()  # nothing is promised, and much is kept
+    assert rows["pop_px_max"].isna().all()  # another pose is no pop
+    assert run.name == f"{name}-subdivision-px2" and set(rows["path"]) == {f"orbit+{name}"}
+    assert rows["psnr_db"].min() > 25.0
+
+
+def test_at_rest_a_pose_changes_nothing(blob, store):
+    view = lod.CameraPath.orbit(blob, 3).view(0, SIZE)
+    plain, posed = store.select(view, BUDGET), store.select(view, BUDGET, store.control_positions)
+    assert posed.promises_bound and posed.predicted_px == plain.predicted_px and posed.digest == plain.digest
+    assert np.array_equal(store.capture(plain, view).triangles, store.capture(posed, view).triangles)
+    assert np.array_equal(posed.control_positions, store.control_positions)
+
+
+def test_a_rigid_motion_moves_what_is_drawn(blob, store):
+    """The eye moves along: the same triangles there, as exactly as floats have them."""
+    rest = store.control_positions
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    view = lod.CameraPath.orbit(blob, 3).view(0, SIZE)
+    moved = lod.View(tuple(turn @ view.eye), tuple(turn @ view.target), fov=view.fov, size=SIZE, near=view.near)
+    plain = store.select(view, BUDGET)
+    posed = store.select(moved, BUDGET, rest @ turn.T)
+    assert posed.triangles == pytest.approx(plain.triangles, rel=0.02)
+    row = lod.fly(store, lod.CameraPath.orbit(blob, 1), BUDGET, size=SIZE, deform=rest @ turn.T, progress=False).frames
+    still = lod.fly(store, lod.CameraPath.orbit(blob, 1), BUDGET, size=SIZE, progress=False).frames
+    assert row["measured_max"][0] < 2.0 * still["measured_max"][0]
+
+
+def test_a_cut_remembers_its_pose(blob, store):
+    view = lod.CameraPath.orbit(blob, 3).view(1, SIZE)
+    bent = deform.bend(1.0, store.control_positions)
+    plain, posed = store.select(view, BUDGET), store.select(view, BUDGET, bent)
+    assert posed.digest != plain.digest
+    there = store.capture(posed, view).triangles
+    assert not np.array_equal(there, store.capture(plain, view).triangles)
+    assert np.array_equal(there, store.capture(posed, view).triangles)
+    assert np.abs(there).max() < 2.0 * blob.extent
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda p: p[:-1], "control_positions is .* not .* float64"),
+        (lambda p: p[:, :2], "control_positions is"),
+        (lambda p: np.where(np.arange(len(p))[:, None] == 3, np.nan, p), "control position 3 is nan"),
+        (lambda p: p * 1e35, "it is a number within 1e30"),
+        (lambda p: "x", "no array of numbers"),
+    ],
+)
+def test_no_pose_is_refused(blob, store, change, said):
+    view = lod.CameraPath.orbit(blob, 3).view(0, SIZE)
+    with pytest.raises(InvalidInput, match=said):
+        store.select(view, BUDGET, change(store.control_positions))
+
+
+def test_a_pose_that_folds_faces_over_is_drawn_and_told_of_once(blob, store):
+    middle = np.asarray(blob.bounds).mean(axis=0)[0]
+
+    def fold(t, rest):
+        return np.where([True, False, False], middle - np.abs(rest - middle) * t - (rest - middle) * (t - 1.0), rest)
+
+    path = lod.CameraPath.orbit(blob, 3)
+    with pytest.warns(UserWarning, match=r"the pose folds \d+ control faces over, the first is \d+") as told:
+        run = lod.fly(store, path, BUDGET, size=SIZE, deform=fold, accuracy_frames=3, progress=False)
+    assert len([w for w in told if "folds" in str(w.message)]) == 1
+    assert not run.frames["promises_bound"][2] and (run.frames["crack_edges"] == 0).all()
+
+
+def test_a_reference_of_another_pose_is_refused(blob, store):
+    from lodlab.instrument.yardstick import Yardstick
+
+    yardstick = Yardstick(blob, progress=False)
+    view = lod.CameraPath.orbit(blob, 3).view(1, SIZE)
+    rest = store.control_positions
+    cuts = [store.select(view, BUDGET, pose) for pose in (None, deform.bend(1.0, rest), deform.twist(1.0, rest))]
+    references = [yardstick.reference(view, cut.core) for cut in cuts]
+    instrument, session = yardstick.instrument(), store.default_session.core
+    for i, cut in enumerate(cuts):
+        for j, reference in enumerate(references):
+            if i == j:
+                measured = instrument.examine(session, cut.core, view, reference)
+                assert measured.psnr_db > 25.0
+            else:
+                with pytest.raises(InvalidInput, match="the reference is of another pose"):
+                    instrument.examine(session, cut.core, view, reference)
+
+
+def test_a_run_directory_has_runs_at_rest_and_deformed(blob, store, tmp_path):
+    path = lod.CameraPath.orbit(blob, 3)
+    options = {"size": SIZE, "accuracy_frames": 2, "out": tmp_path / "run", "progress": False}
+    sway = store.control_positions + np.linspace(0.0, 0.2, 3)[:, None, None]
+    for deformation in (None, "twist", sway):
+        made = lod.fly(store, path, BUDGET, deform=deformation, **options)
+        again = lod.fly(store, path, BUDGET, deform=deformation, **options)
+        assert again.frames.equals(made.frames) or again.name == made.name
+    runs = lod.Sweep.load(tmp_path / "run")
+    assert set(runs.summary["path"]) == {"orbit", "orbit+twist", "orbit+paths/poses.npy"}
+    assert len(set(runs.summary["run"])) == len(set(runs.summary["poses_hash"])) == 3
+    read = lod.runs.run.load(tmp_path / "run", next(n for n in runs.summary["run"] if "poses" in n))
+    assert read.image(2, "normal").image.shape == (SIZE[1], SIZE[0], 4)  # flown again from what the directory keeps
+
+
 # ---- methods that deform nothing --------------------------------------------------------------------
 
 

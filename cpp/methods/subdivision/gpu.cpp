@@ -57,10 +57,9 @@ struct ControlVertex {
   vec3 position, normal;
 };
 
-std::vector<ControlVertex> control_of(const ControlMesh& control) {
+std::vector<ControlVertex> vertices_of(const std::vector<vec3>& positions, const std::vector<vec3>& normals) {
   std::vector<ControlVertex> out;
-  for (size_t v = 0; v < control.positions.size(); ++v)
-    out.push_back({vec3(control.positions[v]), vec3(control.normals[v])});
+  for (size_t v = 0; v < positions.size(); ++v) out.push_back({positions[v], normals[v]});
   return out;
 }
 
@@ -87,7 +86,8 @@ gl::Buffer buffer_of(const std::vector<T>& values) {
 }  // namespace
 
 Gpu::Gpu(const SubdivisionHierarchy& h, bool feedback)
-    : faces_(h.samples().control_faces()),
+    : hierarchy_(h),
+      faces_(h.samples().control_faces()),
       points_(h.pattern().points()),
       words_((2 * h.pattern().n() * h.pattern().n() + 15) / 16),
       most_triangles_(faces_ * h.pattern().n() * h.pattern().n()),
@@ -98,7 +98,7 @@ Gpu::Gpu(const SubdivisionHierarchy& h, bool feedback)
       place_(program(h, "subdivision/place.comp")),
       emit_(program(h, "subdivision/emit.comp")),
       draw_({{"vertex", "subdivision/draw.vert"}}, defines(h)),
-      control_(control_of(h.stored().control)),
+      control_(vertices_of(h.rest().positions, h.rest().normals)),
       records_(h.records().face),
       edge_records_(h.records().edge),
       heights_(h.stored().packed.vertices),
@@ -139,6 +139,24 @@ void Gpu::displace() {
   gl::check("placing the points of control faces");
 }
 
+void Gpu::lie(const std::shared_ptr<const Posed>& posed, render::Submitted& submitted) {
+  if (posed == posed_) return;
+  posed_ = posed;
+  kept_.reset();
+  const RestControl& rest = hierarchy_.rest();
+  const auto control = posed ? vertices_of(posed->control.positions, posed->control.normals)
+                             : vertices_of(rest.positions, rest.normals);
+  const Records& records = posed ? posed->records : hierarchy_.records();
+  const auto send_all = [&](gl::Buffer& to, std::span<const std::byte> bytes) {
+    to.upload(0, bytes);
+    submitted.upload_bytes += static_cast<int64_t>(bytes.size());
+  };
+  send_all(control_, std::as_bytes(std::span(control)));
+  send_all(records_, std::as_bytes(std::span(records.face)));
+  send_all(edge_records_, std::as_bytes(std::span(records.edge)));
+  displace();
+}
+
 /// The frame's state, with what its passes read bound.
 FrameState Gpu::begin(const Uniforms& u, const gl::Buffer& faces, const gl::Buffer& edges,
                       render::Work& work) {
@@ -175,7 +193,9 @@ FrameState Gpu::state_now() const {
   return out;
 }
 
-void Gpu::refine(const Uniforms& uniforms, const Search& search, render::Work& work) {
+void Gpu::refine(const Uniforms& uniforms, const Search& search, const std::shared_ptr<const Posed>& posed,
+                 render::Work& work) {
+  lie(posed, work.submitted);
   FrameState state = begin(uniforms, records_, edge_records_, work);
   const Kept asked{uniforms, search.steps[0], search.most.value_or(~0u), state.everything};
   if (kept_ && std::memcmp(&*kept_, &asked, sizeof asked) == 0) {  // all is there
@@ -198,6 +218,7 @@ void Gpu::refine(const Uniforms& uniforms, const Search& search, render::Work& w
 }
 
 void Gpu::refine(const Uniforms& uniforms, const Records& records, render::Work& work) {
+  lie(nullptr, work.submitted);
   const gl::Buffer faces(records.face), edges(records.edge);
   work.submitted.upload_bytes += faces.bytes() + edges.bytes();
   FrameState state = begin(uniforms, faces, edges, work);

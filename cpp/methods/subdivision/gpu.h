@@ -43,13 +43,16 @@ class Gpu {
   /// `feedback`: by geometry shader and transform feedback, else by compute shaders.
   Gpu(const SubdivisionHierarchy& hierarchy, bool feedback);
 
-  void refine(const Uniforms& uniforms, const Search& search, render::Work& work);
+  /// Of the control mesh as it is posed; null: at rest.
+  void refine(const Uniforms& uniforms, const Search& search, const std::shared_ptr<const Posed>& posed,
+              render::Work& work);
   /// Of a cut by hand.
   void refine(const Uniforms& uniforms, const Records& records, render::Work& work);
   void draw(const Uniforms& uniforms, render::Pass& pass);
   int64_t bytes() const;
 
  private:
+  void lie(const std::shared_ptr<const Posed>& posed, render::Submitted& submitted);
   void displace();
   /// Refines by a step. More than `most` triangles: it may end before all are counted.
   int64_t count(FrameState& state, int64_t most, render::Work& work);
@@ -60,6 +63,8 @@ class Gpu {
   FrameState state_now() const;
   void make_room();
 
+  const SubdivisionHierarchy& hierarchy_;
+  std::shared_ptr<const Posed> posed_;  ///< as it lies on the GPU
   int64_t faces_, points_, words_, most_triangles_;
   std::shared_ptr<const render::Surface> surface_;
   gl::Program displace_, count_, refine_, place_, emit_;

@@ -48,10 +48,14 @@ class Subdivision : public Method {
  public:
   const MethodInfo& info() const override {
     static const MethodInfo kInfo{
-        "subdivision", "A control mesh bisected on the GPU each frame and displaced along its normals.",
-        {"mesh"},      {"pixel_error", "triangles"},
-        false,         option_table(),
-        false,         Needs::kManifold};
+        .name = "subdivision",
+        .summary = "A control mesh bisected on the GPU each frame and displaced along its normals.",
+        .accepts = {"mesh"},
+        .budgets = {"pixel_error", "triangles"},
+        .options = option_table(),
+        .needs = Needs::kManifold,
+        .deforms = true,
+    };
     return kInfo;
   }
   void build(const Source& source, const Options& options, StoreWriter& writer,
@@ -69,7 +73,14 @@ SubdivisionHierarchy::SubdivisionHierarchy(std::shared_ptr<const Store> store)
     : stored_(get(*store)),
       samples_(stored_.control, Pattern::of_degree(stored_.shape.degree)),
       displaced_(samples_, unpack(samples_, stored_.packed)),
-      records_(records_at_rest(stored_, displaced_)) {}
+      records_(records_at_rest(stored_, displaced_)) {
+  const auto rest = std::make_shared<RestControl>();
+  rest->middle = centre();
+  rest->positions.assign(stored_.control.positions.begin(), stored_.control.positions.end());
+  rest->normals.assign(stored_.control.normals.begin(), stored_.control.normals.end());
+  rest->faces = stored_.control.faces;
+  rest_ = rest;
+}
 
 Box SubdivisionHierarchy::box() const {
   const Stored::Shape& s = stored_.shape;

@@ -79,7 +79,7 @@ void Samples::of_face(int64_t face, std::span<int64_t> out) const {
   }
 }
 
-std::vector<Samples::Place> Samples::places() const {
+std::vector<Samples::Place> Samples::places(const ControlMesh& control) const {
   const int n = pattern_.n();
   const float step = 1.0f / static_cast<float>(n);  // a power of two: weights are exact
   std::vector<Place> out(static_cast<size_t>(count()));
@@ -89,9 +89,9 @@ std::vector<Samples::Place> Samples::places() const {
     const auto at = [&](const std::vector<glm::dvec3>& of) {
       return interpolated(glm::vec3(of[a]), glm::vec3(of[b]), glm::vec3(of[c]), weights);
     };
-    return {at(control_.positions), at(control_.normals)};
+    return {at(control.positions), at(control.normals)};
   };
-  for (uint32_t v = 0; v < control_.positions.size(); ++v) out[v] = place(v, v, v, 0, 0);
+  for (uint32_t v = 0; v < control.positions.size(); ++v) out[v] = place(v, v, v, 0, 0);
   parallel_for(edges_.count(), kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t e = begin; e < end; ++e) {
       const auto [a, b] = ends(e);
@@ -101,7 +101,7 @@ std::vector<Samples::Place> Samples::places() const {
   });
   parallel_for(faces_, kGrain, [&](int64_t begin, int64_t end) {
     for (int64_t f = begin; f < end; ++f) {
-      const auto& [a, b, c] = control_.faces[static_cast<size_t>(f)];
+      const auto& [a, b, c] = control.faces[static_cast<size_t>(f)];
       auto at = static_cast<size_t>(first_inside_ + f * pattern_.inside());
       for (int j = 1; j < n; ++j) {
         for (int i = 1; i + j < n; ++i) out[at++] = place(a, b, c, i, j);

@@ -65,7 +65,9 @@ class Samples {
   struct Place {
     glm::vec3 position, normal;
   };
-  std::vector<Place> places() const;
+  std::vector<Place> places() const { return places(control_); }
+  /// On another control mesh of these faces.
+  std::vector<Place> places(const ControlMesh& control) const;
 
  private:
   const ControlMesh& control_;

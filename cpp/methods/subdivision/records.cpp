@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "base/parallel.h"
+#include "geometry/mesh_surface.h"
 #include "methods/subdivision/subdivision.h"
 #include "subdivision/displace.h"
 
@@ -15,6 +16,9 @@ constexpr int64_t kGrain = 64;
 
 /// What floats round of lengths of this size on the way, and more.
 constexpr double kRounding = 1e-6;
+
+/// Of bounds under a pose: more is asked of no face.
+constexpr double kMostStretch = 16.0;
 
 float above(double value) { return static_cast<float>(value * (1.0 + kRounding)); }
 
@@ -39,13 +43,79 @@ LineRecord larger(LineRecord a, const LineRecord& b) {
   return a;
 }
 
+/// What depends on where the corners of a face lie.
+void place(FaceRecord& face, const Triangle& at, double finest_bound) {
+  double far = 0.0;
+  for (const glm::dvec3& p : at) far = std::max(far, glm::length(p));
+  face.inner.spread = above(stretch(at[0], at[1], at[2]));
+  const double highest = std::max(std::abs(face.low), std::abs(face.high));
+  face.inner.swell = above(highest + kRounding * (far + face.inner.spread));
+  face.error = above(finest_bound + kRounding * far);
+}
+
+/// The largest of a linear map's stretches.
+double largest_stretch(const glm::dmat3& map) {
+  glm::dmat3 power = glm::transpose(map) * map;
+  double log_size = 0.0;  // of `power`, of which 2^-k-th parts are taken
+  for (int k = 0; k < 12; ++k) {
+    const double size =
+        std::sqrt(glm::dot(power[0], power[0]) + glm::dot(power[1], power[1]) + glm::dot(power[2], power[2]));
+    if (!(size > 0.0)) return 0.0;
+    log_size += std::log(size) / std::exp2(k);
+    power /= size;
+    power = power * power;
+  }
+  return std::exp(0.5 * log_size);
+}
+
+/// By how much a pose stretches the prism over a face, of points at its corners: at most kMostStretch.
+double prism_stretch(const FaceRecord& face, const RestControl& rest, const PosedControl& posed) {
+  double most = 0.0;
+  for (size_t k = 0; k < 3; ++k) {
+    const uint32_t a = face.corner[k], b = face.corner[(k + 1) % 3], c = face.corner[(k + 2) % 3];
+    for (const float height : {face.low, face.high}) {
+      const auto slopes = [&](const std::vector<vec3>& p, const std::vector<vec3>& n) {
+        const auto end = [&](uint32_t v) { return glm::dvec3(p[v]) + double{height} * glm::dvec3(n[v]); };
+        return glm::dmat3(end(b) - end(a), end(c) - end(a), glm::dvec3(n[a]));
+      };
+      const glm::dmat3 from = slopes(rest.positions, rest.normals),
+                       to = slopes(posed.positions, posed.normals);
+      if (glm::determinant(from) == 0.0) return kMostStretch;
+      most = std::max(most, largest_stretch(to * glm::inverse(from)));
+    }
+  }
+  return most < kMostStretch ? most : kMostStretch;
+}
+
+void join_edges(Records& records, const Samples& samples) {
+  for (size_t e = 0; e < records.edge.size(); ++e) {
+    const auto sides = samples.edges().of(static_cast<int64_t>(e));
+    records.edge[e] = records.face[sides[0] / 3].inner;
+    for (const uint32_t side : sides) records.edge[e] = larger(records.edge[e], records.face[side / 3].inner);
+  }
+}
+
 }  // namespace
 
 Displaced::Displaced(const Samples& samples, std::vector<float> heights)
     : samples_(samples), heights_(std::move(heights)) {
-  const std::vector<Samples::Place> places = samples.places();
+  place(samples.places());
+}
+
+Displaced Displaced::at(const RestControl& rest, const PosedControl& posed) const {
+  ControlMesh control;
+  control.positions.assign(posed.positions.begin(), posed.positions.end());
+  control.normals.assign(posed.normals.begin(), posed.normals.end());
+  control.faces = rest.faces;
+  Displaced out = *this;
+  out.place(samples_.places(control));
+  return out;
+}
+
+void Displaced::place(const std::vector<Samples::Place>& places) {
+  positions_.resize(places.size());
   for (size_t s = 0; s < places.size(); ++s)
-    positions_.push_back(subdivision::displaced(places[s].position, places[s].normal, heights_[s]));
+    positions_[s] = subdivision::displaced(places[s].position, places[s].normal, heights_[s]);
 }
 
 void Displaced::of_face(int64_t face, std::span<vec3> out) const {
@@ -70,13 +140,12 @@ Records records_at_rest(const Stored& stored, const Displaced& displaced) {
       FaceRecord& face = out.face[static_cast<size_t>(f)];
       face = {};
       const Face& corners = control.faces[static_cast<size_t>(f)];
-      double far = 0.0, longest = 0.0;
+      double longest = 0.0;
       for (size_t k = 0; k < 3; ++k) {
         face.corner[k] = corners[k];
         face.edge[k] = static_cast<uint32_t>(samples.edge(f, static_cast<int>(k)));
-        const glm::dvec3 &p = control.positions[corners[k]], &q = control.positions[corners[(k + 1) % 3]];
-        far = std::max(far, glm::length(p));
-        longest = std::max(longest, glm::distance(p, q));
+        longest = std::max(
+            longest, glm::distance(control.positions[corners[k]], control.positions[corners[(k + 1) % 3]]));
       }
       samples.of_face(f, of);
       face.low = face.high = displaced.heights()[static_cast<size_t>(of[0])];
@@ -89,20 +158,36 @@ Records records_at_rest(const Stored& stored, const Displaced& displaced) {
       for (int level = 0; level < levels; ++level)
         inner.bounds[level >> 2] |= uint32_t{code[level]} << (8 * (level & 3));
       inner.scale = 1.0f;
-      inner.spread = above(stretch(control.positions[corners[0]], control.positions[corners[1]],
-                                   control.positions[corners[2]]));
+      place(face,
+            {control.positions[corners[0]], control.positions[corners[1]], control.positions[corners[2]]},
+            stored.bound(f, levels - 1));
       const double highest = std::max(std::abs(face.low), std::abs(face.high));
-      inner.swell = above(highest + kRounding * (far + inner.spread));
       const double curved = highest + double{bound_of_code(stored.shape.low_code, code[levels])};
       inner.slope = longest > 0.0 ? above(curved / longest) : 0.0f;
-      face.error = above(stored.bound(f, levels - 1) + kRounding * far);
     }
   });
-  for (size_t e = 0; e < out.edge.size(); ++e) {
-    const auto sides = samples.edges().of(static_cast<int64_t>(e));
-    out.edge[e] = out.face[sides[0] / 3].inner;
-    for (const uint32_t side : sides) out.edge[e] = larger(out.edge[e], out.face[side / 3].inner);
-  }
+  join_edges(out, samples);
+  return out;
+}
+
+std::shared_ptr<const Posed> posed(const SubdivisionHierarchy& hierarchy, const Pose& pose) {
+  const RestControl& rest = hierarchy.rest();
+  const auto out = std::make_shared<Posed>();
+  out->control = posed_control(rest, pose);
+  if (out->control.positions == rest.positions) return nullptr;
+  out->records = hierarchy.records();
+  const int finest = hierarchy.pattern().levels() - 1;
+  parallel_for(static_cast<int64_t>(rest.faces.size()), kGrain, [&](int64_t begin, int64_t end) {
+    for (int64_t f = begin; f < end; ++f) {
+      FaceRecord& face = out->records.face[static_cast<size_t>(f)];
+      face.inner.scale = static_cast<float>(prism_stretch(face, rest, out->control));
+      const std::vector<vec3>& at = out->control.positions;
+      place(face,
+            {glm::dvec3(at[face.corner[0]]), glm::dvec3(at[face.corner[1]]), glm::dvec3(at[face.corner[2]])},
+            hierarchy.stored().bound(f, finest) * double{face.inner.scale});
+    }
+  });
+  join_edges(out->records, hierarchy.samples());
   return out;
 }
 

@@ -22,12 +22,21 @@ constexpr double kFinestStep = 0x1p-12;
 struct Selection : Record {
   Uniforms uniforms;
   Search search;
+  std::shared_ptr<const Posed> posed;  ///< null: at rest
 };
 
 /// Of cuts by hand: levels of faces; each control edge has the larger of its faces' two.
 struct Levels : Record {
   Records records;
 };
+
+/// What is said of a pose; empty: nothing.
+std::string warning_of(const PosedControl& control) {
+  if (control.folded == 0) return "";
+  return "the pose folds " + std::to_string(control.folded) + " control face" +
+         (control.folded == 1 ? "" : "s") + " over, the first is " + std::to_string(control.first_folded) +
+         ": what is drawn there may cross itself";
+}
 
 class SubdivisionSession : public Session {
  public:
@@ -37,10 +46,7 @@ class SubdivisionSession : public Session {
         metric_(options.text("metric") == "length"      ? LODLAB_METRIC_LENGTH
                 : options.text("metric") == "curvature" ? LODLAB_METRIC_CURVATURE
                                                         : LODLAB_METRIC_BOUND),
-        feedback_(options.text("pipeline") == "geometry") {
-    for (const glm::dvec3& p : hierarchy_->stored().control.positions) positions_.emplace_back(p);
-    for (const glm::dvec3& n : hierarchy_->stored().control.normals) normals_.emplace_back(n);
-  }
+        feedback_(options.text("pipeline") == "geometry") {}
 
   Cut select(const Request& request) override;
   void resolve(Cut& cut) const override;
@@ -56,17 +62,22 @@ class SubdivisionSession : public Session {
   Uniforms uniforms(const Camera& camera, int metric) const {
     return uniforms_of(*hierarchy_, camera, metric);
   }
-  Lying lying(const Records& records) const { return {positions_, normals_, records}; }
+  Lying lying(const Records& records) const {
+    return {hierarchy_->rest().positions, hierarchy_->rest().normals, records};
+  }
+  Lying lying(const Posed* posed) const {
+    if (posed == nullptr) return lying(hierarchy_->records());
+    return {posed->control.positions, posed->control.normals, posed->records};
+  }
   Cut by_levels(const std::vector<int32_t>& level) const;
 
-  size_t step_within(const Uniforms& uniforms, const Search& search) const;
-  int64_t count(const Uniforms& uniforms, const Step& step, int64_t most) const;
+  size_t step_within(const Selection& selection) const;
+  int64_t count(const Selection& selection, const Step& step, int64_t most) const;
 
   std::shared_ptr<const SubdivisionHierarchy> hierarchy_;
   Projection projection_;
   int metric_;
   bool feedback_;
-  std::vector<vec3> positions_, normals_;
   std::unique_ptr<Gpu> gpu_;
 };
 
@@ -75,6 +86,7 @@ Cut SubdivisionSession::select(const Request& request) {
   const Projector projector(projection_, camera);
   const auto selection = std::make_shared<Selection>();
   selection->uniforms = uniforms(camera, metric_);
+  if (request.pose) selection->posed = posed(*hierarchy_, *request.pose);
   const Budget& budget = request.budget;
   Search& search = selection->search;
   const double finest = budget.pixel_error.value_or(kFinestStep);
@@ -88,9 +100,9 @@ Cut SubdivisionSession::select(const Request& request) {
 }
 
 /// Triangles of the faces in sight; more than `most` where they are more.
-int64_t SubdivisionSession::count(const Uniforms& uniforms, const Step& step, int64_t most) const {
-  const Lying lies = lying(hierarchy_->records());
-  const Refinement refinement(lies, uniforms, step);
+int64_t SubdivisionSession::count(const Selection& selection, const Step& step, int64_t most) const {
+  const Lying lies = lying(selection.posed.get());
+  const Refinement refinement(lies, selection.uniforms, step);
   std::atomic<int64_t> out{0};
   parallel_for(static_cast<int64_t>(faces()), 64, [&](int64_t begin, int64_t end) {
     for (auto f = static_cast<size_t>(begin); f < static_cast<size_t>(end) && out <= most; ++f) {
@@ -103,27 +115,34 @@ int64_t SubdivisionSession::count(const Uniforms& uniforms, const Step& step, in
   return out;
 }
 
-size_t SubdivisionSession::step_within(const Uniforms& uniforms, const Search& search) const {
+size_t SubdivisionSession::step_within(const Selection& selection) const {
+  const Search& search = selection.search;
   if (!search.most) return 0;
   const int64_t most = *search.most;
   return first_that_fits(search.steps.size(), kFirstStep,
-                         [&](size_t at) { return count(uniforms, search.steps[at], most) <= most; });
+                         [&](size_t at) { return count(selection, search.steps[at], most) <= most; });
 }
 
 void SubdivisionSession::resolve(Cut& cut) const {
   if (cut.claim) return;
   const auto& selection = static_cast<const Selection&>(*cut.record);
   const Uniforms& u = selection.uniforms;
-  const Step& step = selection.search.steps[step_within(u, selection.search)];
-  const Lying lies = lying(hierarchy_->records());
+  const Step& step = selection.search.steps[step_within(selection)];
+  const Posed* const posed = selection.posed.get();
+  const Lying lies = lying(posed);
   const Refinement refinement(lies, u, step);
   const Camera camera = make_camera(cut.request.view);
   const Projector projector(projection_, camera);
   const glm::dvec3 eye = camera.eye - hierarchy_->centre();
   const Pattern& pattern = hierarchy_->pattern();
+  std::optional<Displaced> moved;
+  if (posed != nullptr) moved.emplace(hierarchy_->displaced().at(hierarchy_->rest(), posed->control));
+  const Displaced& displaced = moved ? *moved : hierarchy_->displaced();
 
   Claim claim;
-  claim.promises_bound = metric_ == LODLAB_METRIC_BOUND && projection_ != Projection::kPaper;
+  if (posed != nullptr) claim.warning = warning_of(posed->control);
+  claim.promises_bound =
+      posed == nullptr && metric_ == LODLAB_METRIC_BOUND && projection_ != Projection::kPaper;
   claim.tau = step.tau;
   claim.nodes.resize(faces());
   std::mutex mutex;
@@ -135,7 +154,8 @@ void SubdivisionSession::resolve(Cut& cut) const {
       CutNode& node = claim.nodes[static_cast<size_t>(f)];
       node.node = static_cast<uint32_t>(f);
       node.visible = refinement.visible(static_cast<size_t>(f));
-      if (node.visible) hierarchy_->displaced().of_face(f, points);
+      if (node.visible) displaced.of_face(f, points);
+      const double scale = double{lies.records.face[static_cast<size_t>(f)].inner.scale};
       int least = pattern.levels() - 1;
       refinement.for_triangles(static_cast<size_t>(f), [&](const PatternTriangle& t) {
         int own = pattern.levels() - 1;
@@ -144,7 +164,7 @@ void SubdivisionSession::resolve(Cut& cut) const {
         least = std::min(least, own);
         if (!node.visible) return;
         ++triangles;
-        const double bound = hierarchy_->stored().bound(f, own);
+        const double bound = scale * hierarchy_->stored().bound(f, own);
         const auto at = [&](ivec2 p) {
           return glm::dvec3(points[static_cast<size_t>(pattern.point(p.x, p.y))]) - eye;
         };
@@ -159,7 +179,7 @@ void SubdivisionSession::resolve(Cut& cut) const {
         predicted = std::max(predicted, projected(closest_on_triangle(there, glm::dvec3(0.0)).distance));
       });
       node.resolution = static_cast<uint32_t>(least);
-      node.error = hierarchy_->stored().bound(f, least);
+      node.error = scale * hierarchy_->stored().bound(f, least);
       visible += node.visible ? 1 : 0;
     }
     const std::lock_guard lock(mutex);
@@ -186,6 +206,7 @@ std::string SubdivisionSession::digest(const Cut& cut) const {
   add(std::as_bytes(std::span(selection->search.steps).first(1)));
   const uint32_t most = selection->search.most.value_or(~0u);
   add(std::as_bytes(std::span(&most, 1)));
+  if (selection->posed) add(std::as_bytes(std::span(selection->posed->control.positions)));
   return store::digest_of(bytes);
 }
 
@@ -251,7 +272,7 @@ std::vector<Cut> SubdivisionSession::audit_cuts() const {
 void SubdivisionSession::prepare(const Cut& cut, render::Work& work) {
   if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_, feedback_);
   if (const auto* selection = dynamic_cast<const Selection*>(cut.record.get())) {
-    gpu_->refine(selection->uniforms, selection->search, work);
+    gpu_->refine(selection->uniforms, selection->search, selection->posed, work);
   } else {
     Uniforms u = uniforms(work.camera(), LODLAB_METRIC_LEVEL);
     gpu_->refine(u, static_cast<const Levels&>(*cut.record).records, work);

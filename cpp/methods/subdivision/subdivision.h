@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "method/method.h"
+#include "methods/subdivision/binding.h"
 #include "methods/subdivision/bits.h"
 #include "methods/subdivision/control_mesh.h"
 #include "methods/subdivision/pattern.h"
@@ -54,12 +55,16 @@ Stored get(const Store& store);
 class Displaced {
  public:
   Displaced(const Samples& samples, std::vector<float> heights);
+  /// Where a pose has the control mesh.
+  Displaced at(const RestControl& rest, const PosedControl& posed) const;
   const Samples& samples() const { return samples_; }
   /// Of the points of a face, in the pattern's order.
   void of_face(int64_t face, std::span<vec3> out) const;
   const std::vector<float>& heights() const { return heights_; }
 
  private:
+  void place(const std::vector<Samples::Place>& places);
+
   const Samples& samples_;
   std::vector<float> heights_;
   std::vector<vec3> positions_;
@@ -71,6 +76,12 @@ struct Records {
   std::vector<LineRecord> edge;
 };
 
+/// A control mesh as a pose deforms it.
+struct Posed {
+  PosedControl control;
+  Records records;
+};
+
 void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress);
 
 class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_this<SubdivisionHierarchy> {
@@ -80,6 +91,10 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   std::vector<NodeInfo> nodes() const override;
   double quantum() const override { return 0.0; }
   int64_t vertices() const override { return samples_.count(); }
+  std::vector<glm::dvec3> control() const override { return rest_pose(*rest_); }
+  std::shared_ptr<const Carrier> carrier(std::shared_ptr<const Mesh> source) const override {
+    return std::make_shared<Binding>(rest_, std::move(source));
+  }
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
   const Stored& stored() const { return stored_; }
@@ -87,6 +102,7 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   const Samples& samples() const { return samples_; }
   const Displaced& displaced() const { return displaced_; }
   const Records& records() const { return records_; }
+  const RestControl& rest() const { return *rest_; }
   glm::dvec3 centre() const {
     return {stored_.shape.centre[0], stored_.shape.centre[1], stored_.shape.centre[2]};
   }
@@ -99,10 +115,14 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   Samples samples_;
   Displaced displaced_;
   Records records_;
+  std::shared_ptr<const RestControl> rest_;
 };
 
 /// Of the control mesh where it was built.
 Records records_at_rest(const Stored& stored, const Displaced& displaced);
+/// Null where the pose is that at rest, else as it deforms the control mesh: bounds are scaled by the largest
+/// stretch of each face's prism, which is no promise.
+std::shared_ptr<const Posed> posed(const SubdivisionHierarchy& hierarchy, const Pose& pose);
 
 std::unique_ptr<Session> make_session(std::shared_ptr<const SubdivisionHierarchy> hierarchy,
                                       const Options& options);
