@@ -13,13 +13,12 @@
 namespace lodlab::subdivision {
 namespace {
 
-/// Fewer control faces show little of any shape.
-constexpr int64_t kFewFaces = 256;
-
-/// As many that the finest triangles are as many as the source's.
+/// As many that the finest triangles are as many as the source's; where that is few, one for eight of its
+/// triangles: fewer show little of its shape.
 int64_t default_target(const Mesh& mesh, const Pattern& pattern) {
+  constexpr int64_t kEnough = 1000, kFew = 64;
   const auto faces = static_cast<int64_t>(mesh.faces.size()), a_face = int64_t{pattern.n()} * pattern.n();
-  return std::max(kFewFaces, (faces + a_face - 1) / a_face);
+  return std::max({(faces + a_face - 1) / a_face, std::min(faces / 8, kEnough), kFew});
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ std::vector<OptionSpec> option_table() {
        kBuild,
        "triangles",
        "Of the control mesh, or as few as valid collapses leave; 0: as many that the finest triangles are as "
-       "many as the source's.",
+       "many as the source's, of small sources more.",
        {},
        0.0,
        1e9},
