@@ -131,6 +131,7 @@ struct Line {
   RayContext context;  ///< the first member: Embree hands it back
   glm::dvec3 origin, direction;
   double reach;
+  const std::function<bool(uint32_t)>& is;
   Crossing found{};
 
   void consider(const Triangle& triangle, uint32_t index) {
@@ -139,7 +140,7 @@ struct Line {
     const bool first = found.triangle == kNoTriangle || std::abs(along) < std::abs(found.along);
     const bool tie = !first && std::abs(along) == std::abs(found.along) &&
                      (along > found.along || (along == found.along && index < found.triangle));
-    if (!first && !tie) return;
+    if ((!first && !tie) || !is(index)) return;
     found = {along, index};
     reach = std::abs(along);
   }
@@ -302,10 +303,10 @@ bool MeshSurface::any_within(const glm::dvec3& point, double distance,
   return looking.found;
 }
 
-Crossing MeshSurface::closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction,
-                                       double reach) const {
+Crossing MeshSurface::closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction, double reach,
+                                       const std::function<bool(uint32_t)>& is) const {
   if (scene_ == nullptr) return {};
-  Line line{{}, origin, direction, reach};
+  Line line{{}, origin, direction, reach, is};
 #if RTC_VERSION_MAJOR >= 4
   rtcInitRayQueryContext(&line.context);
   RTCIntersectArguments arguments;

@@ -84,11 +84,14 @@ class MeshSurface {
   bool any_within(const glm::dvec3& point, double distance,
                   const std::function<bool(uint32_t triangle)>& is) const;
 
-  /// Of the triangles that a line cuts within `reach` lengths of `direction` (finite, not 0) either way, and
-  /// whose normal runs along it, the one that is cut closest to the origin, else none. Of several as close
-  /// the one ahead counts, and of those the one of smallest index. Triangles without area are not cut. An
-  /// origin farther from the coordinates' zero than twice the farthest vertex may miss some: floats round it.
-  Crossing closest_crossing(const glm::dvec3& origin, const glm::dvec3& direction, double reach) const;
+  /// Of the triangles that a line cuts within `reach` lengths of `direction` (finite, not 0) either way,
+  /// whose normal runs along it, and that are as asked, the one that is cut closest to the origin, else none.
+  /// Of several as close the one ahead counts, and of those the one of smallest index. Triangles without area
+  /// are not cut. An origin farther from the coordinates' zero than twice the farthest vertex may miss some:
+  /// floats round it.
+  Crossing closest_crossing(
+      const glm::dvec3& origin, const glm::dvec3& direction, double reach,
+      const std::function<bool(uint32_t triangle)>& is = [](uint32_t) { return true; }) const;
 
  private:
   struct Scene;

@@ -266,6 +266,39 @@ TEST_CASE("a sphere over an octahedron is displaced by 1 / |p| - 1 lengths of th
     CHECK(std::abs(smooth.heights[s] - d.heights[s]) < 0.02);  // cells are up to 0.09 wide
 }
 
+TEST_CASE("a shell inside another: samples lie on their own, though the other one is nearer") {
+  Arrays arrays = sphere(5);
+  const auto shell = static_cast<uint32_t>(arrays.positions.size());
+  const size_t faces = arrays.faces.size();
+  for (uint32_t v = 0; v < shell; ++v) arrays.positions.push_back(0.97 * arrays.positions[v]);
+  for (size_t t = 0; t < faces; ++t) {
+    const auto [a, b, c] = arrays.faces[t];
+    arrays.faces.push_back({a + shell, b + shell, c + shell});
+  }
+  const auto mesh = mesh_of(arrays);
+  const SourceSurface source(*mesh);
+  const ControlMesh control = stored(control_mesh(*mesh, 128, {}), source.centre);
+  const std::set<uint32_t> on_outer(control.onto.begin(), control.onto.begin() + shell);
+  const Samples samples(control, Pattern::of_degree(17));
+  std::vector<int64_t> of(static_cast<size_t>(samples.pattern().points()));
+  for (const Sampling sampling : {Sampling::kIntersection, Sampling::kInterpolation}) {
+    const Displacement d = displace(source, control, samples, sampling, {});
+    CHECK(d.missed + d.wrong_sheet == 0);
+    int64_t nearer_to_the_other = 0, wrong = 0;
+    for (int64_t f = 0; f < samples.control_faces(); ++f) {
+      const bool outer = on_outer.contains(control.faces[static_cast<size_t>(f)][0]);
+      samples.of_face(f, of);
+      for (const int64_t at : of) {
+        const auto s = static_cast<size_t>(at);
+        nearer_to_the_other += outer && glm::length(glm::dvec3(d.places[s].position)) < 0.984;
+        wrong += std::abs(glm::length(d.end(s, d.heights[s])) - (outer ? 1.0 : 0.97)) > 0.005;
+      }
+    }
+    CHECK(nearer_to_the_other > 1000);
+    CHECK(wrong == 0);
+  }
+}
+
 TEST_CASE("lines through edges and vertices of the source are not lost") {
   Arrays arrays;
   add_sheet(arrays, 48, true, [](double, double) { return 0.0; });

@@ -51,6 +51,7 @@ class Sampler {
     out_.near.assign(out_.places.size(), kNoTriangle);
     good_.assign(out_.places.size(), 0);
     measure_faces();
+    find_beside();
   }
   void intersect(Count& count);
   void leave_wrong_sheets();
@@ -60,6 +61,16 @@ class Sampler {
 
  private:
   void measure_faces();
+  void find_beside();
+  /// Whether a source triangle has collapsed onto a corner of the face, or of one that touches it.
+  bool is_beside(uint32_t triangle, uint32_t face) const {
+    if (control_.onto.empty()) return true;
+    const std::vector<uint32_t>& all = beside_[face];
+    const auto& corners = source_.mesh.faces[triangle];
+    return std::any_of(corners.begin(), corners.end(), [&](uint32_t v) {
+      return std::binary_search(all.begin(), all.end(), control_.onto[v]);
+    });
+  }
   template <class DoFace>
   void for_faces(const DoFace& do_face) const {
     std::vector<int64_t> of(static_cast<size_t>(samples_.pattern().points()));
@@ -80,11 +91,14 @@ class Sampler {
   const Samples& samples_;
   Displacement out_;
   std::vector<uint8_t> good_;
-  std::vector<float> reach_;  ///< half the longest edge of a sample's faces
+  std::vector<float> reach_;                   ///< half the longest edge of a sample's faces
+  std::vector<uint32_t> face_;                 ///< one of a sample's
+  std::vector<std::vector<uint32_t>> beside_;  ///< the control vertices of a face and of those that touch it
 };
 
 void Sampler::measure_faces() {
   reach_.assign(out_.places.size(), 0.0f);
+  face_.assign(out_.places.size(), 0);
   for_faces([&](int64_t f, std::span<const int64_t> of) {
     const Face& v = control_.faces[static_cast<size_t>(f)];
     double longest = 0.0;
@@ -94,8 +108,21 @@ void Sampler::measure_faces() {
     for (const int64_t s : of) {
       float& reach = reach_[static_cast<size_t>(s)];
       reach = std::max(reach, static_cast<float>(0.5 * longest));
+      face_[static_cast<size_t>(s)] = static_cast<uint32_t>(f);
     }
   });
+}
+
+void Sampler::find_beside() {
+  std::vector<std::vector<uint32_t>> round(control_.positions.size());
+  for (const Face& face : control_.faces)
+    for (const uint32_t v : face) round[v].insert(round[v].end(), face.begin(), face.end());
+  for (const Face& face : control_.faces) {
+    std::vector<uint32_t>& all = beside_.emplace_back();
+    for (const uint32_t v : face) all.insert(all.end(), round[v].begin(), round[v].end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+  }
 }
 
 void Sampler::intersect(Count& count) {
@@ -104,7 +131,8 @@ void Sampler::intersect(Count& count) {
       const Samples::Place& place = out_.places[s];
       if (length(s) < kShortestNormal) continue;
       const Crossing cut =
-          source_.surface.closest_crossing(place.position, place.normal, reach_[s] / length(s));
+          source_.surface.closest_crossing(place.position, place.normal, reach_[s] / length(s),
+                                           [&](uint32_t t) { return is_beside(t, face_[s]); });
       if (cut.triangle == kNoTriangle) continue;
       out_.heights[s] = static_cast<float>(cut.along);
       out_.near[s] = cut.triangle;
@@ -227,7 +255,7 @@ void Sampler::interpolate(Count& count) {
         double sum = 0.0;
         int triangles = 0;
         source_.surface.any_within(centre, radius, [&](uint32_t t) {
-          if (!faces_along(source_.mesh, t, normal)) return false;
+          if (!faces_along(source_.mesh, t, normal) || !is_beside(t, static_cast<uint32_t>(f))) return false;
           const glm::dvec3 at = closest_on_triangle(source_.mesh.triangle(t), centre).point;
           sum += glm::dot(at - base, normal) / glm::dot(normal, normal);
           ++triangles;

@@ -2,7 +2,8 @@
 // How far the source is from each sample of the pattern, along the interpolated normal (Bauman, Livny,
 // El-Sana, section 3.1), in lengths of that normal, which is not made unit again. The control mesh is as it
 // is stored, relative to the source's centre; so is all below. A sample is good where the line cuts a source
-// triangle that faces along the normal, no farther away than half the longest edge of the sample's faces. A
+// triangle that faces along the normal, no farther away than half the longest edge of the sample's faces, and
+// has collapsed onto a vertex of its face or of one that touches it: other sheets may be nearer. A
 // good one that rises more steeply than kSteepest from a neighbour, while the source is much closer elsewhere
 // (kMuchCloser), lies on the wrong sheet. What is not good is repaired: by the closest source point, where
 // that faces along the normal and is no farther aside than a step of the pattern; else by the mean of good
