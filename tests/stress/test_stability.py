@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,10 +16,11 @@ import lodlab as lod
 from lodlab import stability
 from lodlab.errors import InvalidInput, Unsupported
 from lodlab.stability import extremes, fields, motion, rules, structure, suite
-from lodlab.stability.stage import Bench, Figure, NotApplicable, Scene, Stage, Worst
+from lodlab.stability.stage import FLAWS, Bench, Figure, NotApplicable, Scene, Stage, Worst
 from lodlab.stability.tree import Tree
 
 METHODS = [m["name"] for m in lod.methods()]
+ON_MESHES = ("s16", "s18")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,7 @@ def test_every_scene_has_a_row_for_every_method(short: stability.Stability, scen
     assert set(rows["method"]) == set(METHODS)
     measured = rows[rows["verdict"] != "not_applicable"]
     assert np.isfinite(measured["value"]).all() and np.isfinite(measured["limit"]).all()
-    idle = {"full"} if scene == "s16" else {"chunked"}
+    idle = {"full"} if scene in ON_MESHES else {"chunked"}
     assert set(measured["method"]) >= idle, "no budget scene and no scene of neighbours is idle"
 
 
@@ -47,7 +49,7 @@ def test_run_leaves_table_page_and_pictures(short: stability.Stability) -> None:
     page = short.page.read_text()
     for scene in stability.SCENES:
         assert f'id="{scene.name}"' in page
-        method = "full" if scene.name == "s16" else "chunked"
+        method = "full" if scene.name in ON_MESHES else "chunked"
         assert (short.directory / "images" / f"{scene.name}-{method}.png").is_file()
     assert "http://" not in page and "https://" not in page, "the page opens without a network"
     assert page.count("<img") == len(list((short.directory / "images").iterdir()))
@@ -382,6 +384,30 @@ def test_meshes_see_an_error_beyond_its_bound_and_a_crack(tmp_path: Path, monkey
         with monkeypatch.context() as patch:
             patch.setattr(Stage, column, lambda *_args, v=value: v)
             assert worst(structure.any_mesh(on_mesh)) == value
+
+
+def test_folds_see_what_lies_on_the_wrong_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where bounds do not tell, and, by its distance alone, where they do."""
+    on_shells = Stage(Bench("mesh:nested shells", tmp_path), "full", {}, True)
+    assert worst(structure.folded(on_shells)) <= 0
+    real = Stage.examine
+
+    def off(*arguments: object, **values: object) -> object:
+        """The measurement, had a spot of the outer shell been drawn on the inner one."""
+        found = real(*arguments, **values)
+        told = {c: getattr(found, c) for c in ("hole_samples", "crack_edges", "drawn_triangles", *FLAWS)}
+        pixels = found.measured_px_max + 2.0
+        return types.SimpleNamespace(
+            measured_px_max=pixels, measured_max=0.03, node_errors=lambda: ([0], np.array([0.03])), **told
+        )
+
+    monkeypatch.setattr(Stage, "examine", off)
+    distance = "distance of the finest cut"
+    beyond = {"measured beyond predicted and slack", "error beyond bound and slack", distance}
+    assert {figure.name for figure in structure.folded(on_shells) if figure.value > figure.limit} == beyond
+    monkeypatch.setattr(lod.Cut, "predicted_px", 1000.0)
+    monkeypatch.setattr(Stage, "excess", lambda *_arguments: 0.0)
+    assert [figure.name for figure in structure.folded(on_shells) if figure.value > figure.limit] == [distance]
 
 
 def test_large_coordinates_see_vertices_that_tremble(stage: Stage) -> None:

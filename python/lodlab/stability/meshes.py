@@ -61,6 +61,49 @@ def plate(cells: int, heights: Callable[[np.ndarray, np.ndarray], np.ndarray] | 
     return np.stack([x, y, np.zeros_like(x) if heights is None else heights(x, y)], axis=1), faces
 
 
+def folds(cells: int) -> Arrays:
+    """The unit square, open, in two waves across whose crests and troughs bulge beyond their necks."""
+    positions, faces = plate(cells)
+    x, y, _ = positions.T
+    turn = 4.0 * np.pi * x
+    return np.stack([x + 0.12 * np.sin(2.0 * turn), y, 0.2 * np.cos(turn)], axis=1), faces
+
+
+def revolved(profile: np.ndarray, sides: int) -> Arrays:
+    """Closed, round z: of a profile (N, 2) of distances to the axis and heights that runs from its top end on the axis
+    down to the other."""
+    angle = np.arange(sides) * (2.0 * np.pi / sides)
+    rings = profile[1:-1]
+    round_z = np.stack([np.outer(rings[:, 0], np.cos(angle)), np.outer(rings[:, 0], np.sin(angle))], axis=-1)
+    z = np.repeat(rings[:, 1], sides)
+    ends = np.array([[0.0, 0.0, profile[0, 1]], [0.0, 0.0, profile[-1, 1]]])
+    row, a = np.divmod(np.arange((len(rings) - 1) * sides), sides)
+    b = row * sides + (a + 1) % sides
+    a = row * sides + a
+    one = np.arange(sides)
+    top, bottom = len(z), len(z) + 1
+    last = top - sides
+    faces = [
+        np.stack([np.full(sides, top), one, (one + 1) % sides], axis=1),
+        np.stack([a, a + sides, b], axis=1),
+        np.stack([b, a + sides, b + sides], axis=1),
+        np.stack([np.full(sides, bottom), last + (one + 1) % sides, last + one], axis=1),
+    ]
+    return np.vstack([np.column_stack([round_z.reshape(-1, 2), z]), ends]), np.vstack(faces)
+
+
+def mushroom(steps: int, sides: int) -> Arrays:
+    """A cap whose rim curls under, on a stem: closed."""
+    t = np.linspace(0.0, 1.0, steps + 1)
+    corners = [[0, 1], [0.6, 0.9], [1, 0.5], [0.9, 0.35], [0.55, 0.75], [0.25, 0.85], [0.25, 0], [0.35, -0.9], [0, -1]]
+    bends = np.array(corners, float)
+    for _ in range(3):  # cut corners (Chaikin), the ends kept
+        cut = np.stack([0.75 * bends[:-1] + 0.25 * bends[1:], 0.25 * bends[:-1] + 0.75 * bends[1:]], axis=1)
+        bends = np.vstack([bends[:1], cut.reshape(-1, 2), bends[-1:]])
+    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(bends, axis=0), axis=1))]
+    return revolved(np.stack([np.interp(t * along[-1], along, side) for side in bends.T], axis=1), sides)
+
+
 def ribbon(cells: int) -> Arrays:
     """A Moebius strip, which has one side."""
     u = np.linspace(0.0, 2.0 * np.pi, cells, endpoint=False)
@@ -119,7 +162,13 @@ MADE: dict[str, Callable[[], Arrays]] = {
     "mesh:one side": lambda: ribbon(60),
     "mesh:far away": lambda: moved(_ball(), [6.4e6, -6.4e6, 1e5], 1000.0),
     "mesh:nothing": lambda: (np.zeros((0, 3)), np.zeros((0, 3), np.int64)),
+    "mesh:folds": lambda: folds(48),
+    "mesh:mushroom": lambda: mushroom(96, 48),
+    "mesh:nested shells": lambda: joined(_of(shapes.icosphere(4)), moved(_of(shapes.icosphere(4)), [0, 0, 0], 0.97)),
+    "mesh:flat ring": lambda: moved(_of(shapes.torus(64, 32)), [0, 0, 0], [1.0, 1.0, 0.05]),
 }
+#: The least distance between two sheets of those that lie over themselves, but for where they bend into one another.
+FOLDED = {"mesh:folds": 0.13, "mesh:mushroom": 0.1, "mesh:nested shells": 0.029, "mesh:flat ring": 0.04}
 REFUSED = ("mesh:nothing",)  # no mesh, by Mesh's own rule
 SOUND = ("closed", "open", "genus 1", "two components", "slivers", "one triangle", "tetrahedron")  # what contracts use
 

@@ -18,7 +18,9 @@ _STEEP = (*_HOME, "cliff")
 _ROUND = (*_HOME, "planet:2-degrees")
 _LARGE = ("fractal:size=2049",)
 _VOIDS = tuple(name for name in fields.MADE if name.startswith("voids:"))
-_ANY_MESH = tuple(name for name in meshes.MADE if name not in ("mesh:fine", *_MESH))
+_ANY_MESH = tuple(name for name in meshes.MADE if name not in ("mesh:fine", *_MESH, *meshes.FOLDED))
+_FOLDED = tuple(meshes.FOLDED)
+_FEW_FOLDED = ("mesh:folds", "mesh:nested shells")
 _SIZES = (*(name for name in fields.MADE if name.startswith("size:")), "flat", "spike", "cliff")
 
 SCENES: tuple[Scene, ...] = (
@@ -38,5 +40,6 @@ SCENES: tuple[Scene, ...] = (
     Scene("s14", "Views nobody tried", extremes.extreme_views, (*_STEEP, *_MESHES), _NEAR),
     Scene("s15", "Budgets nobody tried", extremes.extreme_budgets, (*_NEAR, "flat"), (*_NEAR, "flat")),
     Scene("s16", "Meshes of every kind", structure.any_mesh, _ANY_MESH, _ANY_MESH),
+    Scene("s18", "Folded displacement", structure.folded, _FOLDED, _FEW_FOLDED, variants=True),
     Scene("s20", "Random search", workers.random_search, (fields.ANY,), (fields.ANY,)),
 )
