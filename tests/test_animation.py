@@ -9,6 +9,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import deform
+from lodlab.cli.program import run
 from lodlab.errors import InvalidInput, Unsupported
 from lodlab.paths.deform import Deformation
 from lodlab.paths.path import label_of, make_path, over_source, parts_of, path_text, poses_hash
@@ -164,14 +165,14 @@ BUDGET = {"pixel_error": 2.0}
 @pytest.mark.parametrize("name", deform.NAMES)
 def test_what_is_drawn_follows_the_pose_without_cracks(blob, store, name):
     path = lod.CameraPath.orbit(blob, 4).with_deform(name)
-    run = lod.fly(store, path, BUDGET, size=SIZE, accuracy_frames=4, progress=False)
-    rows = run.frames
+    made = lod.fly(store, path, BUDGET, size=SIZE, accuracy_frames=4, progress=False)
+    rows = made.frames
     assert (rows["crack_edges"] == 0).all() and (rows["capture_mismatch_pixels"] == 0).all()
     assert not rows["promises_bound"][1:].any()
     assert rows["promises_bound"][0]  # at rest
     assert (rows["measured_px_max"] <= 2.0 * BUDGET["pixel_error"]).all()  # nothing is promised, and much is kept
     assert rows["pop_px_max"].isna().all()  # another pose is no pop
-    assert run.name == f"{name}-subdivision-px2" and set(rows["path"]) == {f"orbit+{name}"}
+    assert made.name == f"{name}-subdivision-px2" and set(rows["path"]) == {f"orbit+{name}"}
     assert rows["psnr_db"].min() > 25.0
 
 
@@ -191,7 +192,7 @@ def test_a_rigid_motion_moves_what_is_drawn(blob, store):
     moved = lod.View(tuple(turn @ view.eye), tuple(turn @ view.target), fov=view.fov, size=SIZE, near=view.near)
     plain = store.select(view, BUDGET)
     posed = store.select(moved, BUDGET, rest @ turn.T)
-    assert posed.triangles == pytest.approx(plain.triangles, rel=0.02)
+    assert posed.triangles == pytest.approx(plain.triangles, rel=0.01)
     row = lod.fly(store, lod.CameraPath.orbit(blob, 1), BUDGET, size=SIZE, deform=rest @ turn.T, progress=False).frames
     still = lod.fly(store, lod.CameraPath.orbit(blob, 1), BUDGET, size=SIZE, progress=False).frames
     assert row["measured_max"][0] < 2.0 * still["measured_max"][0]
@@ -208,6 +209,46 @@ def test_a_cut_remembers_its_pose(blob, store):
     assert np.abs(there).max() < 2.0 * blob.extent
 
 
+@pytest.mark.parametrize("pipeline", ["compute", "geometry"])
+def test_the_twin_says_what_a_pose_draws(blob, store, pipeline):
+    session = store.session(pipeline=pipeline)
+    rest, view = store.control_positions, lod.CameraPath.orbit(blob, 3).view(1, SIZE)
+    for pose in (deform.twist(1.0, rest), rest, deform.wave(0.8, rest), None):
+        for budget in (lod.Budget(pixel_error=1.0), lod.Budget(triangles=3000)):
+            cut, cost = session.core.time_frame(view, budget, control_positions=pose)
+            assert cut.triangles == cost["triangles"] > 0
+            assert cut.budget_met or budget.triangles is None
+
+
+def test_the_instrument_measures_against_the_deformed_source(blob, store):
+    """As `measure` does what was captured against a mesh of its own."""
+    view = lod.CameraPath.orbit(blob, 2).view(1, SIZE)
+    bent = deform.bend(1.0, store.control_positions)
+    cut = store.select(view, BUDGET, bent)
+    source = store.deformed(bent)
+    assert np.array_equal(source.faces, blob.faces)
+    assert np.abs(store.deformed(store.control_positions).positions - blob.positions).max() < 1e-12
+    wanted = lod.measure(store.capture(cut, view), source, view)
+    made = lod.fly(
+        store, lod.CameraPath.orbit(blob, 2), BUDGET, size=SIZE, deform="bend", accuracy_frames=2, progress=False
+    )
+    for column in ("measured_max", "measured_rms", "measured_px_max", "measured_px_p99", "crack_edges", "psnr_db"):
+        assert made.frames[column][1] == pytest.approx(wanted[column], rel=1e-4)
+    assert lod.measure(store.capture(cut, view), blob)["measured_max"] > 5.0 * wanted["measured_max"]
+
+
+def test_a_mesh_of_a_pose_has_the_colours_of_its_source(blob, tmp_path):
+    painted = lod.Mesh(blob.positions, blob.faces, (blob.positions > 0.0) * np.uint8(255))
+    store = lod.build(painted, "subdivision", tmp_path / "a.lod", degree=9, target=200, progress=False)
+    path = lod.CameraPath.orbit(painted, 2)
+    plain = store.select(path.view(0, SIZE), BUDGET).to_trimesh()
+    moved = store.control_positions + [100.0, 0.0, 0.0]
+    view = lod.View(path.view(0).eye + [100.0, 0.0, 0.0], path.view(0).target + [100.0, 0.0, 0.0], size=SIZE)
+    far = store.select(view, BUDGET, moved).to_trimesh()
+    share = [np.mean(np.asarray(mesh.visual.vertex_colors)[:, :3], axis=0) for mesh in (plain, far)]
+    assert share[1] == pytest.approx(share[0], abs=10.0)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -220,8 +261,9 @@ def test_a_cut_remembers_its_pose(blob, store):
 )
 def test_no_pose_is_refused(blob, store, change, said):
     view = lod.CameraPath.orbit(blob, 3).view(0, SIZE)
-    with pytest.raises(InvalidInput, match=said):
-        store.select(view, BUDGET, change(store.control_positions))
+    for take in (lambda pose: store.select(view, BUDGET, pose), store.deformed):
+        with pytest.raises(InvalidInput, match=said):
+            take(change(store.control_positions))
 
 
 def test_a_pose_that_folds_faces_over_is_drawn_and_told_of_once(blob, store):
@@ -232,9 +274,9 @@ def test_a_pose_that_folds_faces_over_is_drawn_and_told_of_once(blob, store):
 
     path = lod.CameraPath.orbit(blob, 3)
     with pytest.warns(UserWarning, match=r"the pose folds \d+ control faces over, the first is \d+") as told:
-        run = lod.fly(store, path, BUDGET, size=SIZE, deform=fold, accuracy_frames=3, progress=False)
+        made = lod.fly(store, path, BUDGET, size=SIZE, deform=fold, accuracy_frames=3, progress=False)
     assert len([w for w in told if "folds" in str(w.message)]) == 1
-    assert not run.frames["promises_bound"][2] and (run.frames["crack_edges"] == 0).all()
+    assert not made.frames["promises_bound"][2] and (made.frames["crack_edges"] == 0).all()
 
 
 def test_a_reference_of_another_pose_is_refused(blob, store):
@@ -260,10 +302,10 @@ def test_a_run_directory_has_runs_at_rest_and_deformed(blob, store, tmp_path):
     path = lod.CameraPath.orbit(blob, 3)
     options = {"size": SIZE, "accuracy_frames": 2, "out": tmp_path / "run", "progress": False}
     sway = store.control_positions + np.linspace(0.0, 0.2, 3)[:, None, None]
-    for deformation in (None, "twist", sway):
-        made = lod.fly(store, path, BUDGET, deform=deformation, **options)
-        again = lod.fly(store, path, BUDGET, deform=deformation, **options)
-        assert again.frames.equals(made.frames) or again.name == made.name
+    for deformation in (None, "twist"):
+        lod.fly(store, path, BUDGET, deform=deformation, **options)
+    made, again = (lod.fly(store, path, BUDGET, deform=sway, **options) for _ in range(2))
+    assert again.name == made.name and again.frames["triangles"].tolist() == made.frames["triangles"].tolist()
     runs = lod.Sweep.load(tmp_path / "run")
     assert set(runs.summary["path"]) == {"orbit", "orbit+twist", "orbit+paths/poses.npy"}
     assert len(set(runs.summary["run"])) == len(set(runs.summary["poses_hash"])) == 3
@@ -291,3 +333,17 @@ def test_a_method_without_control_points_says_so(ball, tmp_path):
         )  # fmt: skip
     with pytest.raises(Unsupported, match="fit: path orbit.twist deforms"):
         lod.fit(ball, "discrete", tmp_path / "fit.lod", pixel_error=1.0, path="orbit+twist", progress=False)
+
+
+def test_the_command_line_deforms(store, tmp_path, capsys):
+    file, path = tmp_path / "sway.npy", str(store.path)
+    np.save(file, store.control_positions[None] + np.linspace(0.0, 0.3, 2)[:, None, None])
+    common = ["--frames", "2", "--size", "64x48", "--pixel-error", "4", "--accuracy-frames", "1", "--images", "none"]
+    for name, told in (("wave", "wave-subdivision-px4"), (str(file), "sway-subdivision-px4")):
+        assert run(["fly", path, "--out", str(tmp_path / told), "--deform", name, *common]) == 0
+        assert told in capsys.readouterr().out
+    picture = tmp_path / "a.png"
+    assert run(["render", path, str(picture), "--path", "orbit+bend", "--at", "1", "--size", "64x48"]) == 0
+    assert picture.exists()
+    assert run(["fly", path, "--out", str(tmp_path / "no"), "--deform", "bent", *common]) == 2
+    assert "none of bend, twist, wave" in capsys.readouterr().err

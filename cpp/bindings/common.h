@@ -39,8 +39,13 @@ struct PyStore {
 /// none.
 std::vector<glm::dvec3> control_of(const PyStore& store, const std::string& operation);
 
+/// A pose of them. InvalidInput for another dtype or shape than (V, 3) float64, and for what is no number
+/// within 1e30; Unsupported as control_of().
+std::shared_ptr<const Pose> pose_of(const PyStore& store, const std::string& operation,
+                                    const pybind11::array& positions);
+
 /// (N, 3) float64: a copy of points.
-pybind11::array_t<double> array_of_points(const std::vector<glm::dvec3>& points);
+pybind11::array_t<double> array_of_points(std::span<const glm::dvec3> points);
 
 /// A dict of bool, int, float and str (or numpy scalars of these) as option values. Other types throw
 /// InvalidInput naming `owner`, the option and the type.

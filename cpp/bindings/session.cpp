@@ -5,7 +5,6 @@
 #include <pybind11/stl.h>
 
 #include <chrono>
-#include <cmath>
 #include <optional>
 
 #include "base/errors.h"
@@ -93,27 +92,10 @@ Frame frame_of(render::Picture picture) {
 
 using Positions = std::optional<py::array>;
 
-std::shared_ptr<const Pose> pose_of(const PySession& self, const Positions& positions) {
-  if (!positions) return nullptr;
-  const auto count = static_cast<py::ssize_t>(control_of(self.store(), "select").size());
-  const std::string wanted = "(" + std::to_string(count) + ", 3) float64";
-  const auto array = checked<double>("select", *positions, "control_positions", {count, 3}, wanted.c_str());
-  const auto points = span_of<glm::dvec3>(array);
-  for (size_t i = 0; i < points.size(); ++i) {
-    for (int k = 0; k < 3; ++k) {
-      if (std::abs(points[i][k]) <= kFarthestVertex) continue;
-      throw InvalidInput("select: control position " + std::to_string(i) + " is " +
-                         py::str(py::float_(points[i][k])).cast<std::string>() +
-                         " along an axis; it is a number within 1e30");
-    }
-  }
-  return std::make_shared<const Pose>(Pose{{points.begin(), points.end()}});
-}
-
 Request request_of(const PySession& self, const View& view, const Budget& budget,
                    const Positions& positions) {
   check_budget(self.store().method->info(), budget);
-  return {view, budget, pose_of(self, positions)};
+  return {view, budget, positions ? pose_of(self.store(), "select", *positions) : nullptr};
 }
 
 std::shared_ptr<PyCut> select(const PySession& self, const View& view, const Budget& budget,

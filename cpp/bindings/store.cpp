@@ -335,6 +335,18 @@ py::dict info(const PyStore& self) {
   return out;
 }
 
+py::array_t<double> carry(const PyStore& self, const std::shared_ptr<Mesh>& source,
+                          const py::array& positions) {
+  given("deformed: source", source);
+  const auto pose = pose_of(self, "deformed", positions);
+  std::shared_ptr<const Mesh> carried;
+  {
+    const py::gil_scoped_release release;
+    carried = self.hierarchy->carrier(source)->carry(*pose);
+  }
+  return array_of_points(carried->positions);
+}
+
 void bind_store_class(py::module_& m) {
   PYBIND11_NUMPY_DTYPE(NodeRow, id, parent, level, resolution, triangles, error, box_min, box_max);
   py::class_<PyStore, std::shared_ptr<PyStore>>(m, "Store", "An opened, complete store: immutable.")
@@ -356,6 +368,8 @@ void bind_store_class(py::module_& m) {
           "(V, 3) float64, source units: the control points at rest, which a pose moves. Unsupported where "
           "the "
           "method has none.")
+      .def("carry", &carry, py::arg("source"), py::arg("control_positions"),
+           "(V, 3) float64: where the vertices of its source go as a pose deforms it.")
       .def("info", &info, "What `lodlab info --json` prints.")
       .def(
           "verify", [](const PyStore& s) { s.store->verify(); }, py::call_guard<py::gil_scoped_release>(),
@@ -371,7 +385,24 @@ std::vector<glm::dvec3> control_of(const PyStore& store, const std::string& oper
   return control;
 }
 
-py::array_t<double> array_of_points(const std::vector<glm::dvec3>& points) {
+std::shared_ptr<const Pose> pose_of(const PyStore& store, const std::string& operation,
+                                    const py::array& positions) {
+  const auto count = static_cast<py::ssize_t>(control_of(store, operation).size());
+  const std::string wanted = "(" + std::to_string(count) + ", 3) float64";
+  const auto array = checked<double>(operation, positions, "control_positions", {count, 3}, wanted.c_str());
+  const auto points = span_of<glm::dvec3>(array);
+  for (size_t i = 0; i < points.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(points[i][k]) <= kFarthestVertex) continue;
+      throw InvalidInput(operation + ": control position " + std::to_string(i) + " is " +
+                         py::str(py::float_(points[i][k])).cast<std::string>() +
+                         " along an axis; it is a number within 1e30");
+    }
+  }
+  return std::make_shared<const Pose>(Pose{{points.begin(), points.end()}});
+}
+
+py::array_t<double> array_of_points(std::span<const glm::dvec3> points) {
   return py::array_t<double>({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}},
                              reinterpret_cast<const double*>(points.data()));
 }

@@ -53,19 +53,17 @@ void place(FaceRecord& face, const Triangle& at, double finest_bound) {
   face.error = above(finest_bound + kRounding * far);
 }
 
-/// The largest of a linear map's stretches.
+/// The largest of a linear map's stretches: of map^T map the largest eigenvalue's root (Smith 1961).
 double largest_stretch(const glm::dmat3& map) {
-  glm::dmat3 power = glm::transpose(map) * map;
-  double log_size = 0.0;  // of `power`, of which 2^-k-th parts are taken
-  for (int k = 0; k < 12; ++k) {
-    const double size =
-        std::sqrt(glm::dot(power[0], power[0]) + glm::dot(power[1], power[1]) + glm::dot(power[2], power[2]));
-    if (!(size > 0.0)) return 0.0;
-    log_size += std::log(size) / std::exp2(k);
-    power /= size;
-    power = power * power;
-  }
-  return std::exp(0.5 * log_size);
+  glm::dmat3 square = glm::transpose(map) * map;
+  const double mean = (square[0][0] + square[1][1] + square[2][2]) / 3.0;
+  for (int k = 0; k < 3; ++k) square[k][k] -= mean;
+  const double spread = std::sqrt(
+      (glm::dot(square[0], square[0]) + glm::dot(square[1], square[1]) + glm::dot(square[2], square[2])) /
+      6.0);
+  if (!(spread > 0.0)) return std::sqrt(mean);
+  const double turn = std::clamp(0.5 * glm::determinant(square / spread), -1.0, 1.0);
+  return std::sqrt(mean + 2.0 * spread * std::cos(std::acos(turn) / 3.0));
 }
 
 /// By how much a pose stretches the prism over a face, of points at its corners: at most kMostStretch.

@@ -79,9 +79,9 @@ def normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.where(length > 0.0, out / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0))
 
 
-def colors(store: Any, vertices: np.ndarray) -> np.ndarray | None:
+def colors(store: Any, vertices: np.ndarray, pose: np.ndarray | None = None) -> np.ndarray | None:
     """(V, 4) uint8: the store's colour raster at its vertices, between texels linear; of a mesh those of the nearest
-    vertices of its source; None where it has none.
+    vertices of its source, which a pose deforms; None where it has none.
 
     StoreError when the raster, which the option `attribute` names, or the source cannot be read any more.
     """
@@ -90,7 +90,8 @@ def colors(store: Any, vertices: np.ndarray) -> np.ndarray | None:
             return None
         from scipy.spatial import KDTree
 
-        return store.source.colors[KDTree(store.source.positions).query(vertices)[1]]
+        source = store.source if pose is None else store.deformed(pose)
+        return source.colors[KDTree(source.positions).query(vertices)[1]]
     file = store.options.get("attribute")
     if not file:
         return None

@@ -149,7 +149,7 @@ class Cut:
         a, b, c = faces.T
         faces = faces[(a != b) & (b != c) & (c != a)]
         vertices = corners[first]
-        shades = export.colors(self._session.store, vertices) if colors else None
+        shades = export.colors(self._session.store, vertices, self.control_positions) if colors else None
         return trimesh.Trimesh(vertices=vertices, faces=faces, vertex_colors=shades, process=False)
 
     def __repr__(self) -> str:
@@ -174,11 +174,12 @@ def _whole_numbers(what: str, values: Any, dtype: type) -> np.ndarray:
     return np.ascontiguousarray(numbers, dtype=dtype)
 
 
-def _points(what: str, value: Any) -> np.ndarray:
+def points_of(what: str, value: Any) -> np.ndarray:
+    """Control positions as float64; the core looks at their shape."""
     try:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InvalidInput(f"select: {what} is {type(value).__name__}, no array of numbers") from None
+        raise InvalidInput(f"{what}: control_positions is {type(value).__name__}, no array of numbers") from None
 
 
 def checked_cut(what: str, value: Any) -> Cut:
@@ -218,7 +219,7 @@ class Session:
         is drawn, captured and measured as they deform the mesh. InvalidInput for another shape and for what is not
         finite; Unsupported where the method has no control points.
         """
-        pose = control_positions if control_positions is None else _points("control_positions", control_positions)
+        pose = None if control_positions is None else points_of("select", control_positions)
         return Cut(self.core.select(_view("select", view), as_budget(budget), pose), self)
 
     def cut(self, ids: Any, resolutions: Any = None) -> Cut:

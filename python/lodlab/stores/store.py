@@ -20,7 +20,9 @@ from ..disk import is_store
 from ..errors import InvalidInput, StoreError
 from ..sources.base import Source
 from ..sources.datasets import as_source, load
-from .session import Cut, Frame, Session, checked_cut
+from ..sources.mesh import Mesh
+from ..sources.polygons import MeshData
+from .session import Cut, Frame, Session, checked_cut, points_of
 
 _PASS = "pass it (source=SOURCE), or measure nothing (accuracy_frames=0)"
 
@@ -80,6 +82,15 @@ class Store:
         Unsupported where the method has none.
         """
         return self.core.control_positions
+
+    def deformed(self, control_positions: Any) -> Mesh:
+        """The source as these control positions, (V, 3), deform it: what cuts of that pose are measured against.
+
+        InvalidInput and Unsupported as `Session.select`.
+        """
+        source, pose = self.source, points_of("deformed", control_positions)
+        positions = self.core.carry(source.core, pose)
+        return Mesh.made(MeshData(positions, source.faces, source.colors), f"{source.name}, deformed", "")
 
     @property
     def build_seconds(self) -> float:
