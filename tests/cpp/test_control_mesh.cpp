@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <glm/gtc/constants.hpp>
+#include <map>
 #include <random>
 
 #include "base/errors.h"
@@ -149,6 +150,25 @@ TEST_CASE("without a target within reach a mesh is as coarse as it can be, and s
   CHECK(control.faces.size() < 20);
   CHECK(census_of(control).genus == 0);
   check_rule(source, control);
+}
+
+TEST_CASE(
+    "a rough sphere is not stuck: other places are tried, neighbours given other axes, folds left out") {
+  const auto rough = [](double most) {
+    Arrays out = sphere(40);
+    std::mt19937 random(1);
+    std::map<std::tuple<double, double, double>, double> scale;  // equal positions move alike
+    for (glm::dvec3& p : out.positions) {
+      const double noise = std::uniform_real_distribution<double>(-most, most)(random) * (1.0 - p.z * p.z);
+      p *= scale.try_emplace({p.x, p.y, p.z}, 1.0 + noise).first->second;
+    }
+    return out;
+  };
+  const Arrays source = rough(0.2);
+  const ControlMesh control = control_of(source, 1);
+  check_rule(source, control);
+  CHECK(control.faces.size() < 175);                     // 182 with neither
+  CHECK(control_of(rough(0.5), 1).faces.size() < 1000);  // 1,500: vertices that fit no half-sphere
 }
 
 TEST_CASE("a torus keeps its handle, two components stay two") {

@@ -28,6 +28,7 @@ constexpr size_t kMostCorners = 48;     ///< more triangles round an edge's ends
 /// was there.
 constexpr double kThinnest = 0.05;
 constexpr double kNoShape = 1e-9;
+constexpr double kTurnedCost = 3;  ///< times as much, where neighbours need other axes
 constexpr float kNotWaiting = -1.0f, kRefused = -2.0f;
 constexpr size_t kTellEvery = 1 << 13;
 
@@ -65,7 +66,7 @@ class Collapser {
   Collapser(Surface surface, Connectivity mesh)
       : positions_(surface.positions),
         mesh_(std::move(mesh)),
-        normals_(surface.faces, unit_normals(surface), static_cast<int64_t>(positions_.size())),
+        normals_(surface.faces, unit_normals(surface), static_cast<int64_t>(positions_.size()), kLeastCosine),
         left_(surface.faces.size()),
         quadrics_(positions_.size()),
         waiting_(mesh_.sides(), kNotWaiting) {
@@ -89,10 +90,12 @@ class Collapser {
       }
       if (mesh_.gone(entry.side) || waiting_[entry.side] != entry.cost) continue;
       Collapse collapse;
-      if (valid(entry.side, collapse))
-        apply(entry.side, collapse);
-      else
+      if (!valid(entry.side, collapse))
         waiting_[entry.side] = kRefused;
+      else if (collapse.cost > entry.cost)
+        wait(entry.side, collapse.cost);
+      else
+        apply(entry.side, collapse);
     }
     return true;
   }
@@ -126,7 +129,9 @@ class Collapser {
  private:
   struct Collapse {
     glm::dvec3 position{0.0};
+    float cost = 0.0f;
     NormalCone cone;
+    std::vector<std::pair<uint32_t, NormalCone>> turned;  ///< vertices beside it, with new axes
   };
   /// The triangles round the ends of an edge that stay, each as its side out of that end.
   struct Star {
@@ -178,8 +183,11 @@ class Collapser {
   void enqueue(uint32_t side) {
     if (mesh_.twin(side) != kNone) waiting_[mesh_.twin(side)] = kNotWaiting;
     const Quadric sum = sum_of(side);
-    waiting_[side] = static_cast<float>(sum.at(meeting(side, sum)));
-    queue_.push({waiting_[side], side});
+    wait(side, static_cast<float>(sum.at(meeting(side, sum))));
+  }
+  void wait(uint32_t side, float cost) {
+    waiting_[side] = cost;
+    queue_.push({cost, side});
   }
 
   /// Tries all that were refused; false where all are again.
@@ -226,32 +234,70 @@ class Collapser {
 
   bool valid(uint32_t side, Collapse& out) const {
     Star star;
+    if (!keeps_manifold(side, star)) return false;
+    const Quadric sum = sum_of(side);
+    const auto fits_at = [&](const glm::dvec3& at) {
+      out.position = at;
+      const bool fit = fits(side, star, out);
+      out.cost = static_cast<float>((out.turned.empty() ? 1.0 : kTurnedCost) * sum.at(at));
+      return fit;
+    };
+    if (fits_at(meeting(side, sum))) return true;
     const uint32_t a = mesh_.from(side), b = mesh_.to(side);
-    if (!keeps_manifold(side, star) || too_wide(a) || too_wide(b)) return false;
-    out.position = meeting(side, sum_of(side));
-    std::array<glm::dvec3, kMostCorners> normals;
-    size_t count = 0;
+    if (mesh_.on_border(a) != mesh_.on_border(b)) return false;
+    std::array<glm::dvec3, 3> others{positions_[a], positions_[b], 0.5 * (positions_[a] + positions_[b])};
+    std::sort(others.begin(), others.end(),
+              [&](const glm::dvec3& p, const glm::dvec3& q) { return sum.at(p) < sum.at(q); });
+    return std::any_of(others.begin(), others.end(), fits_at);
+  }
+  bool fits(uint32_t side, const Star& star, Collapse& out) const {
+    std::array<glm::dvec3, kMostCorners> buffer;
+    const std::span normals = std::span(buffer).first(star.count);
     double thinnest = 1.0;
-    for (const uint32_t s : star.all()) {
-      const uint32_t x = mesh_.to(s), y = mesh_.apex(s);
-      const Shape after = shape_of(out.position, positions_[x], positions_[y]);
+    for (size_t i = 0; i < star.count; ++i) {
+      const uint32_t s = star.sides[i];
+      const Shape after = shape_of(out.position, positions_[mesh_.to(s)], positions_[mesh_.apex(s)]);
+      normals[i] = glm::dvec3(0.0);
       if (!(after.shape > kNoShape)) {
         if (shape(s).shape > kNoShape) return false;
         continue;
       }
       thinnest = std::min(thinnest, after.shape);
-      const glm::dvec3 normal = after.normal / after.length;
-      if (!faces_along(normal, x) || !faces_along(normal, y)) return false;
-      normals[count++] = normal;
+      normals[i] = after.normal / after.length;
     }
     if (thinnest < kThinnest && thinnest < thinnest_before(side, star)) return false;
-    return normals_.merge(a, b, std::span(normals).first(count), kLeastCosine, out.cone);
+    out.turned.clear();
+    for (size_t i = 0; i < star.count; ++i) {
+      for (const uint32_t v : {mesh_.to(star.sides[i]), mesh_.apex(star.sides[i])})
+        if (!faces_along(normals[i], v) && !turn(v, side, star, normals, out)) return false;
+    }
+    return normals_.merge(mesh_.from(side), mesh_.to(side), normals, kLeastCosine, out.cone);
   }
-  bool too_wide(uint32_t v) const { return normals_.cone(v).angle > kWidest; }
+  /// Seeks another axis for a vertex beside a collapse, which its triangles face along afterwards.
+  bool turn(uint32_t v, uint32_t side, const Star& star, std::span<const glm::dvec3> normals,
+            Collapse& out) const {
+    for (const auto& [turned, cone] : out.turned)
+      if (turned == v) return true;
+    const uint32_t a = mesh_.from(side), b = mesh_.to(side);
+    std::array<glm::dvec3, kMostCorners> round;
+    size_t count = 0;
+    for (size_t i = 0; i < star.count; ++i)
+      if (mesh_.to(star.sides[i]) == v || mesh_.apex(star.sides[i]) == v) round[count++] = normals[i];
+    for (uint32_t s = mesh_.first(v); s != kNone; s = mesh_.next(s)) {
+      const auto in_edge = [&](uint32_t w) { return w == a || w == b; };
+      if (in_edge(mesh_.to(s)) || in_edge(mesh_.apex(s))) continue;
+      if (count == kMostCorners) return false;
+      if (const Shape now = shape(s); now.shape > kNoShape) round[count++] = now.normal / now.length;
+    }
+    NormalCone cone;
+    if (!normals_.turn(v, std::span(round).first(count), kLeastCosine, cone)) return false;
+    out.turned.push_back({v, cone});
+    return true;
+  }
   /// Whether a normal is on a vertex's side, as far as one is known.
   bool faces_along(const glm::dvec3& normal, uint32_t v) const {
     const NormalCone& cone = normals_.cone(v);
-    return cone.angle < 0.0 || cone.angle > kWidest || glm::dot(normal, cone.axis) >= kLeastCosine;
+    return cone.angle < 0.0 || normal == glm::dvec3(0.0) || glm::dot(normal, cone.axis) >= kLeastCosine;
   }
   double thinnest_before(uint32_t side, const Star& star) const {
     double thinnest = shape(side).shape;
@@ -264,6 +310,7 @@ class Collapser {
     left_ -= mesh_.twin(side) == kNone ? 1 : 2;
     quadrics_[a] += quadrics_[b];
     normals_.join(a, b, collapse.cone);
+    for (const auto& [v, cone] : collapse.turned) normals_.give(v, cone);
     positions_[a] = collapse.position;
     mesh_.collapse(side);
     for (uint32_t s = mesh_.first(a); s != kNone; s = mesh_.next(s)) {
@@ -283,7 +330,6 @@ class Collapser {
     }
   }
 
-  const double kWidest = std::acos(kLeastCosine);
   std::vector<glm::dvec3> positions_;
   Connectivity mesh_;
   GatheredNormals normals_;

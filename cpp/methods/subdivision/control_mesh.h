@@ -27,7 +27,8 @@ struct ControlMesh {
 
 /// With at most `target_faces`, or as few as can be. Vertices at equal positions are one, but for those that
 /// a repair has split; triangles without area have no normal. A source vertex whose own triangles are
-/// within acos(kLeastCosine) of no axis stays as it is, and nothing is promised of its normal.
+/// within acos(kLeastCosine) of no axis counts for nothing, and where it stays nothing is promised of its
+/// normal.
 /// InvalidInput, with counts, where the source is not manifold or not oriented, and for a target below 1.
 ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progress& progress);
 

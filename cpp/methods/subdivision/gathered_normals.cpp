@@ -13,13 +13,14 @@ namespace {
 constexpr double kNarrow = 0.8;
 constexpr size_t kMostPasses = 12;  ///< over all normals, in search of an axis
 constexpr int kCoreSteps = 48;      ///< towards the middle of those found to be farthest
+constexpr int kOwnSteps = 4096;     ///< of a source vertex, before it is said to fit no half-sphere
 
 /// The axis whose least cosine to any of a few normals is largest, about (Badoiu and Clarkson 2003), and
 /// that.
-double middle_of(std::span<const glm::dvec3> normals, glm::dvec3& axis) {
+double middle_of(std::span<const glm::dvec3> normals, glm::dvec3& axis, int steps) {
   glm::dvec3 at = axis;
   double best = -2.0;
-  for (int step = 0; step < kCoreSteps; ++step) {
+  for (int step = 0; step < steps; ++step) {
     const double length = glm::length(at);
     if (length < 1e-9) break;
     double least = 2.0;
@@ -37,7 +38,7 @@ double middle_of(std::span<const glm::dvec3> normals, glm::dvec3& axis) {
 }  // namespace
 
 GatheredNormals::GatheredNormals(std::span<const Face> faces, std::vector<glm::dvec3> normals,
-                                 int64_t vertices)
+                                 int64_t vertices, double least)
     : normals_(std::move(normals)),
       begin_(static_cast<size_t>(vertices) + 2, 0),
       around_(3 * faces.size()),
@@ -50,6 +51,8 @@ GatheredNormals::GatheredNormals(std::span<const Face> faces, std::vector<glm::d
   for (uint32_t t = 0; t < faces.size(); ++t)
     for (const uint32_t v : faces[t]) around_[begin_[v + 1]++] = t;
   std::iota(last_.begin(), last_.end(), 0u);
+  const auto none = static_cast<uint32_t>(normals_.size());
+  normals_.push_back(glm::dvec3(0.0));
   parallel_for(vertices, 1 << 12, [&](int64_t first, int64_t end) {
     for (int64_t i = first; i < end; ++i) {
       const auto v = static_cast<uint32_t>(i);
@@ -65,6 +68,16 @@ GatheredNormals::GatheredNormals(std::span<const Face> faces, std::vector<glm::d
       cone.axis = length > 1e-9 ? sum / length : glm::dvec3(0.0, 0.0, 1.0);
       double cosine = lowest(cone.axis, v, kEnd, {}).cosine;
       if (cosine < kNarrow) cosine = best_axis(cone.axis, v, kEnd, {}, 1.0);
+      if (cosine < least) {
+        std::vector<glm::dvec3> own;
+        for (uint32_t k = begin_[v]; k < begin_[v + 1]; ++k)
+          if (normals_[around_[k]] != glm::dvec3(0.0)) own.push_back(normals_[around_[k]]);
+        cosine = middle_of(own, cone.axis, kOwnSteps);
+      }
+      if (cosine < least) {
+        std::fill(around_.begin() + begin_[v], around_.begin() + begin_[v + 1], none);
+        continue;
+      }
       cone.angle = std::acos(std::clamp(cosine, -1.0, 1.0)) + kConeRounding;
     }
   });
@@ -96,7 +109,7 @@ double GatheredNormals::best_axis(glm::dvec3& axis, uint32_t a, uint32_t b, std:
     if (far.cosine > best) best = far.cosine, axis = trial;
     if (best >= enough) break;
     core[pass] = far.normal;
-    const double reach = middle_of(std::span(core).first(pass + 1), trial);
+    const double reach = middle_of(std::span(core).first(pass + 1), trial, kCoreSteps);
     if (reach <= best + 1e-6 || (enough < 1.0 && reach < enough)) break;
   }
   return best;
@@ -105,10 +118,25 @@ double GatheredNormals::best_axis(glm::dvec3& axis, uint32_t a, uint32_t b, std:
 bool GatheredNormals::merge(uint32_t a, uint32_t b, std::span<const glm::dvec3> more, double least,
                             NormalCone& out) const {
   out = merged(cones_[a], cones_[b]);
+  return fit(a, b, more, least, out);
+}
+
+bool GatheredNormals::turn(uint32_t vertex, std::span<const glm::dvec3> more, double least,
+                           NormalCone& out) const {
+  out = cones_[vertex];
+  return fit(vertex, kEnd, more, least, out);
+}
+
+bool GatheredNormals::fit(uint32_t a, uint32_t b, std::span<const glm::dvec3> more, double least,
+                          NormalCone& out) const {
   bool fits = out.angle <= std::acos(least);
-  for (const glm::dvec3& n : more) fits = fits && glm::dot(n, out.axis) >= least;
+  for (const glm::dvec3& n : more) fits = fits && (n == glm::dvec3(0.0) || glm::dot(n, out.axis) >= least);
   if (fits) return true;
-  if (out.angle < 0.0) return more.empty();
+  if (out.angle < 0.0) {
+    if (more.empty()) return true;
+    out.axis = more[0];
+    return best_axis(out.axis, a, b, more, least) >= least;
+  }
   if (best_axis(out.axis, a, b, more, least) < least) return false;
   out.angle = std::acos(std::min(1.0, lowest(out.axis, a, b, {}).cosine)) + kConeRounding;
   return true;

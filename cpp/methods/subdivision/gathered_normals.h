@@ -14,14 +14,19 @@ namespace lodlab::subdivision {
 
 class GatheredNormals {
  public:
-  /// `normals`: unit, a triangle's; 0 of those that have none.
-  GatheredNormals(std::span<const Face> faces, std::vector<glm::dvec3> normals, int64_t vertices);
+  /// `normals`: unit, a triangle's; 0 of those that have none. A vertex whose own normals are within
+  /// acos(`least`) of no axis is given none.
+  GatheredNormals(std::span<const Face> faces, std::vector<glm::dvec3> normals, int64_t vertices,
+                  double least);
 
   const NormalCone& cone(uint32_t vertex) const { return cones_[vertex]; }
 
   /// The merged cone of two vertices, if its axis is within acos(`least`) of all their normals and of `more`;
   /// else one whose axis is; else (as far as it is sought) none: false.
   bool merge(uint32_t a, uint32_t b, std::span<const glm::dvec3> more, double least, NormalCone& out) const;
+  /// As above for one vertex, whose own cone is tried first.
+  bool turn(uint32_t vertex, std::span<const glm::dvec3> more, double least, NormalCone& out) const;
+  void give(uint32_t vertex, const NormalCone& cone) { cones_[vertex] = cone; }
   /// Joins the list of b to that of a.
   void join(uint32_t a, uint32_t b, const NormalCone& cone);
 
@@ -40,6 +45,7 @@ class GatheredNormals {
     double cosine = 2.0;
     glm::dvec3 normal{0.0};
   };
+  bool fit(uint32_t a, uint32_t b, std::span<const glm::dvec3> more, double least, NormalCone& out) const;
   Lowest lowest(const glm::dvec3& axis, uint32_t a, uint32_t b, std::span<const glm::dvec3> more) const;
   double best_axis(glm::dvec3& axis, uint32_t a, uint32_t b, std::span<const glm::dvec3> more,
                    double enough) const;
