@@ -58,13 +58,6 @@ struct Lying {
   const Records& records;
 };
 
-/// What a face is drawn with.
-struct Refined {
-  bool visible = false;
-  int64_t triangles = 0, tested = 0;
-  int level = 0;  ///< the least of its triangles' longest lines
-};
-
 class Refinement {
  public:
   Refinement(const Lying& lying, const Uniforms& uniforms, const Step& step)
