@@ -206,9 +206,11 @@ void Gpu::refine(const Uniforms& uniforms, const Search& search, const std::shar
   size_t step = 0;
   if (search.most) {
     const int64_t most = *search.most;
+    FrameState in_sight = state;  // alone counts, whatever is drawn
+    in_sight.everything = 0;
     step = first_that_fits(search.steps.size(), from_, [&](size_t at) {
-      state.step = search.steps[at];
-      return count(state, most, work) <= most;
+      in_sight.step = search.steps[at];
+      return count(in_sight, most, work) <= most;
     });
     if (uniforms.metric == LODLAB_METRIC_BOUND) from_ = step;
   }
