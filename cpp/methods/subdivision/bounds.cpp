@@ -24,6 +24,9 @@ constexpr int64_t kMostParts = 64;
 /// Of so many triangles one is measured at its centre, for distances that most others do not exceed.
 constexpr int64_t kFirstOf = 4;
 
+/// Affine maps that are subtracted from a window.
+constexpr int kMostMaps = 8;
+
 /// Parts that a border may be cut into.
 constexpr int64_t kMostPieces = int64_t{1} << 28;
 
@@ -176,41 +179,60 @@ class Windows {
  public:
   Windows(const Pattern& pattern, std::span<const glm::dvec3> ends) : pattern_(pattern), ends_(ends) {}
 
-  /// All samples with i0 <= i <= i0 + extent, likewise j, and k = n - i - j.
-  double left(int i0, int j0, int k0, int extent) const {
+  /// All samples with i0 <= i <= i0 + extent, likewise j, and k = n - i - j. Where that is more than
+  /// `enough`, maps that weigh the samples farthest off more are tried, too (Lawson 1961).
+  double left(int i0, int j0, int k0, int extent, double enough) {
+    weights_.assign(ends_.size(), 1.0);
+    double least = std::numeric_limits<double>::infinity();
+    for (int pass = 0; pass < kMostMaps && least > enough; ++pass) {
+      const Map map = fitted(i0, j0, k0, extent);
+      Box box;
+      for_window(i0, j0, k0, extent,
+                 [&](double u, double v, size_t at) { box.add(map.off(u, v, ends_[at])); });
+      least = std::min(least, glm::distance(box.lo, box.hi));
+      for_window(i0, j0, k0, extent, [&](double u, double v, size_t at) {
+        weights_[at] *= glm::distance(map.off(u, v, ends_[at]), box.center());
+      });
+    }
+    return least;
+  }
+
+ private:
+  struct Map {
+    glm::dvec3 along_u, along_v;
+    glm::dvec3 off(double u, double v, const glm::dvec3& at) const { return at - u * along_u - v * along_v; }
+  };
+  /// By least squares.
+  Map fitted(int i0, int j0, int k0, int extent) const {
     double count = 0.0, u1 = 0.0, v1 = 0.0, uu = 0.0, uv = 0.0, vv = 0.0;
     glm::dvec3 sum(0.0), su(0.0), sv(0.0);
-    for_window(i0, j0, k0, extent, [&](double u, double v, const glm::dvec3& at) {
-      count += 1.0;
-      u1 += u, v1 += v, uu += u * u, uv += u * v, vv += v * v;
-      sum += at;
-      su += u * at;
-      sv += v * at;
+    for_window(i0, j0, k0, extent, [&](double u, double v, size_t at) {
+      const double w = weights_[at];
+      count += w;
+      u1 += w * u, v1 += w * v, uu += w * u * u, uv += w * u * v, vv += w * v * v;
+      sum += w * ends_[at];
+      su += w * u * ends_[at];
+      sv += w * v * ends_[at];
     });
     uu -= u1 * u1 / count, uv -= u1 * v1 / count, vv -= v1 * v1 / count;
     su -= (u1 / count) * sum;
     sv -= (v1 / count) * sum;
     const double det = uu * vv - uv * uv;
-    const glm::dvec3 along_u = (vv * su - uv * sv) / det, along_v = (uu * sv - uv * su) / det;
-    Box box;
-    for_window(i0, j0, k0, extent,
-               [&](double u, double v, const glm::dvec3& at) { box.add(at - u * along_u - v * along_v); });
-    return glm::distance(box.lo, box.hi);
+    return {(vv * su - uv * sv) / det, (uu * sv - uv * su) / det};
   }
-
- private:
   template <class DoSample>
   void for_window(int i0, int j0, int k0, int extent, const DoSample& do_sample) const {
     const int n = pattern_.n();
     for (int j = j0; j <= std::min(j0 + extent, n - i0 - k0); ++j) {
       const int first = std::max(i0, n - j - k0 - extent), last = std::min(i0 + extent, n - j - k0);
       for (int i = first; i <= last; ++i)
-        do_sample(i - i0, j - j0, ends_[static_cast<size_t>(pattern_.point(i, j))]);
+        do_sample(i - i0, j - j0, static_cast<size_t>(pattern_.point(i, j)));
     }
   }
 
   const Pattern& pattern_;
   std::span<const glm::dvec3> ends_;
+  std::vector<double> weights_;
 };
 
 /// The paper's errors, from the source's vertices.
@@ -274,7 +296,7 @@ std::vector<double> coarsening(const Pattern& pattern, std::span<const glm::dvec
   const glm::dmat3 frame = frame_of(corner(0, 0), corner(n, 0), corner(0, n));
   std::vector<glm::dvec3> turned(ends.begin(), ends.end());
   for (glm::dvec3& end : turned) end = frame * (end - corner(0, 0));
-  const Windows windows(pattern, turned);
+  Windows windows(pattern, turned);
   std::vector<double> out(static_cast<size_t>(pattern.levels()), 0.0);
   for (int level = 0; level < 2 * pattern.d; ++level) {
     const double length = n * std::exp2(-(level / 2)) * (level % 2 == 0 ? 1.0 : std::sqrt(0.75));
@@ -284,7 +306,7 @@ std::vector<double> coarsening(const Pattern& pattern, std::span<const glm::dvec
     for (int side = extent; side <= most; ++side) {
       for (int i = 0; i + side <= n; ++i) {
         for (int j = 0; i + j + side <= n; ++j)
-          largest = std::max(largest, windows.left(i, j, n - side - i - j, extent));
+          largest = std::max(largest, windows.left(i, j, n - side - i - j, extent, largest));
       }
     }
   }
