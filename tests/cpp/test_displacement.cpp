@@ -516,6 +516,27 @@ TEST_CASE("bounds: a border of what is drawn is within them of the source's bord
   CHECK(above > 0.1);  // a bound of the surface is none of its border
 }
 
+TEST_CASE(
+    "coarsening: one sample out of a plane, seen from the triangles that it is a corner of or lies in") {
+  for (const int64_t degree : {3, 9}) {
+    const Pattern pattern = Pattern::of_degree(degree);
+    const int n = pattern.n();
+    std::vector<glm::dvec3> ends(static_cast<size_t>(pattern.points()));
+    for (int j = 0; j <= n; ++j)
+      for (int i = 0; i + j <= n; ++i) ends[static_cast<size_t>(pattern.point(i, j))] = {i, j, 0.0};
+    ends[static_cast<size_t>(pattern.point(n / 2, 0))].z = 1.0;
+    std::vector<double> off = coarsening(pattern, ends);
+    CHECK(off[static_cast<size_t>(2 * pattern.d)] == 0.0);
+    CHECK(off[static_cast<size_t>(2 * pattern.d - 1)] == doctest::Approx(0.5));
+    ends[static_cast<size_t>(pattern.point(n / 2, 0))].z = 0.0;
+    if (n < 4) continue;
+    ends[static_cast<size_t>(pattern.point(2, 2))].z = 1.0;  // the middle of a hexagon's every second corner
+    off = coarsening(pattern, ends);
+    CHECK(off[static_cast<size_t>(2 * pattern.d - 1)] == doctest::Approx(1.0));
+    for (int level = 0; level < 2 * pattern.d - 1; ++level) CHECK(off[static_cast<size_t>(level)] >= 0.999);
+  }
+}
+
 TEST_CASE("bounds: of the finest surface they are close to what is measured, and threads change nothing") {
   const SourceSurface source(*mesh_of(bumps(40)));
   const ControlMesh control = stored(flat_control(2), source.centre);

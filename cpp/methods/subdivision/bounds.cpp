@@ -235,6 +235,36 @@ class Windows {
   std::vector<double> weights_;
 };
 
+/// What triangles with sides of 1 and sqrt(3) are off, exactly: these are two sides and the long diagonal of
+/// the rhombus round a step of the pattern, farthest off in the middle of the diagonals; and three corners of
+/// the hexagon round a sample, farthest off there or in the middle of such diagonals.
+double off_diagonals(const Pattern& pattern, std::span<const glm::dvec3> ends) {
+  const int n = pattern.n();
+  const auto at = [&](int i, int j) -> const glm::dvec3* {
+    return i < 0 || j < 0 || i + j > n ? nullptr : &ends[static_cast<size_t>(pattern.point(i, j))];
+  };
+  constexpr std::array<std::array<int, 2>, 6> kRound{{{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}}};
+  double most = 0.0;
+  for (int j = 0; j <= n; ++j) {
+    for (int i = 0; i + j <= n; ++i) {
+      std::array<const glm::dvec3*, 6> round;
+      for (size_t k = 0; k < 6; ++k) round[k] = at(i + kRound[k][0], j + kRound[k][1]);
+      const glm::dvec3& here = *at(i, j);
+      for (size_t k = 0; k < 6; ++k) {
+        const auto *before = round[k], *step = round[(k + 1) % 6], *after = round[(k + 2) % 6];
+        if (before != nullptr && step != nullptr && after != nullptr)
+          most = std::max(most, 0.5 * glm::distance(*before + *after, here + *step));
+      }
+      for (size_t k = 0; k < 2; ++k) {
+        const auto *a = round[k], *b = round[k + 2], *c = round[k + 4];
+        if (a != nullptr && b != nullptr && c != nullptr)
+          most = std::max(most, glm::distance((*a + *b + *c) / 3.0, here));
+      }
+    }
+  }
+  return most;
+}
+
 /// The paper's errors, from the source's vertices.
 void measure_vertices(const SourceSurface& source, const ControlMesh& control,
                       std::span<const Closest> at_vertices, uint32_t triangles_a_face, Bounds& out) {
@@ -298,7 +328,8 @@ std::vector<double> coarsening(const Pattern& pattern, std::span<const glm::dvec
   for (glm::dvec3& end : turned) end = frame * (end - corner(0, 0));
   Windows windows(pattern, turned);
   std::vector<double> out(static_cast<size_t>(pattern.levels()), 0.0);
-  for (int level = 0; level < 2 * pattern.d; ++level) {
+  out[static_cast<size_t>(2 * pattern.d - 1)] = off_diagonals(pattern, ends);
+  for (int level = 0; level < 2 * pattern.d - 1; ++level) {
     const double length = n * std::exp2(-(level / 2)) * (level % 2 == 0 ? 1.0 : std::sqrt(0.75));
     const int extent = std::min(n, static_cast<int>(length * 2.0 / std::sqrt(3.0) + 1e-9));
     const int most = std::min({n, 2 * extent, static_cast<int>(2.0 * length + 1e-9)});
