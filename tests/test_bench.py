@@ -17,7 +17,7 @@ import pytest
 
 import lodlab as lod
 from lodlab import _core, datasets
-from lodlab.bench import costs, lab, meshes, multigrain, suite
+from lodlab.bench import costs, lab, meshes, multigrain, subdivision, suite
 from lodlab.errors import InvalidInput
 from lodlab.paths.path import CameraPath
 
@@ -92,11 +92,16 @@ def test_a_bar_of_a_file_stands_where_the_file_is(tmp_path, monkeypatch):
     assert lab.Lab(tmp_path, said.append).lacks("y.off", "draw full/y") and "y.off is not there" in said[0]
 
 
-def test_benches_of_meshes_make_their_records(tmp_path, monkeypatch):
+def bring_ball(folder, monkeypatch):
+    """The folder holds further data: a ball."""
     ball = datasets.load("icosphere:level=2")
     lines = ["OFF", f"{ball.samples} {len(ball.faces)} 0", *(" ".join(map(str, p)) for p in ball.positions.tolist())]
-    (tmp_path / "ball.off").write_text("\n".join([*lines, *("3 {} {} {}".format(*f) for f in ball.faces.tolist())]))
-    monkeypatch.setenv("LODLAB_DATA", str(tmp_path))
+    (folder / "ball.off").write_text("\n".join([*lines, *("3 {} {} {}".format(*f) for f in ball.faces.tolist())]))
+    monkeypatch.setenv("LODLAB_DATA", str(folder))
+
+
+def test_benches_of_meshes_make_their_records(tmp_path, monkeypatch):
+    bring_ball(tmp_path, monkeypatch)
     monkeypatch.setattr(meshes, "FILES", {"ball": "ball.off", "cube": "cube.off"})
     monkeypatch.setattr(lab, "SIZE", (160, 90))
     for cases in ("DRAWN", "MEASURED", "BUILT", "PROMISED"):
@@ -109,6 +114,22 @@ def test_benches_of_meshes_make_their_records(tmp_path, monkeypatch):
     ]  # fmt: skip
     assert all(r["value"] > 0.0 for r in made) and made[3]["unit"] == "faces/s"
     assert [r["case"] for r in made[4:]] == [f"full/ball/{p}px" for p in ("0.5", "1", "2", "4", "8")]
+
+
+def test_benches_of_subdivision_make_their_records(tmp_path, monkeypatch):
+    bring_ball(tmp_path, monkeypatch)
+    monkeypatch.setattr(subdivision, "FILES", {"dragon": "ball.off"})
+    monkeypatch.setattr(lab, "SIZE", (160, 90))
+    said: list[str] = []
+    shared = lab.Lab(tmp_path, said.append)
+    monkeypatch.setattr(subdivision, "FINE", 10**6)
+    assert list(subdivision.refine(shared)) == [] and "no view draws 1000000 triangles" in said[-1]
+    monkeypatch.setattr(subdivision, "FINE", 0)
+    made = [*subdivision.refine(shared), *subdivision.size(shared)]
+    names = ["compute", "geometry", "16", "11"]
+    assert [r["case"] for r in made] == [f"subdivision/dragon/{name}" for name in names]
+    assert all(0.0 < r["value"] < 2.05 for r in made[:2]) and made[2]["value"] > made[3]["value"] > 0.0
+    assert 0.0 < made[2]["details"]["rms_percent_of_diagonal"] < 0.1
 
 
 def test_a_bar_without_a_limit_is_refused(tmp_path):

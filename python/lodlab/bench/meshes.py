@@ -12,11 +12,11 @@ from ..stores.methods import still
 from .lab import Building, Lab, Record, build_case, draw_cases
 from .measuring import accuracy_cases, measure_case
 
-FILES = {"armadillo": "armadillo.off", "dragon": "dragon_vrip.ply.gz"}
-DRAWN = (("full", "armadillo"), ("full", "dragon"), ("discrete", "dragon"))
+FILES = {"armadillo": "armadillo.off", "dragon": "dragon_vrip.ply.gz", "igea": "igea_tristrips.ply"}
+DRAWN = (("full", "armadillo"), ("full", "dragon"), ("discrete", "dragon"), ("subdivision", "dragon"))
 MEASURED = (("full", "armadillo"), ("discrete", "armadillo"))
-BUILT = (("full", "dragon"), ("discrete", "dragon"))
-PROMISED = (("discrete", "armadillo"),)
+BUILT = (("full", "dragon"), ("discrete", "dragon"), ("subdivision", "dragon"))
+PROMISED = (("discrete", "armadillo"), ("subdivision", "armadillo"))
 
 
 def draw(lab: Lab) -> Iterable[Record]:

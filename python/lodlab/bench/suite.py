@@ -26,7 +26,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..sources.spec import find_file
-from . import meshes, multigrain, windowed
+from . import meshes, multigrain, subdivision, windowed
 from .costs import build, demo, draw, memory, select
 from .lab import Lab, Record, Say
 from .measuring import accuracy, measure_frames
@@ -35,10 +35,12 @@ BENCHES: dict[str, tuple[Callable[[Lab], Iterable[Record]], ...]] = {
     "draw": (draw, multigrain.draw, meshes.draw),
     "select": (select, multigrain.select),
     "build": (build, multigrain.build, meshes.build),
-    "memory": (memory, windowed.memory),
+    "memory": (memory, windowed.memory, subdivision.memory),
     "measure": (measure_frames, meshes.measure),
-    "accuracy": (accuracy, multigrain.accuracy, meshes.accuracy),
+    "accuracy": (accuracy, multigrain.accuracy, meshes.accuracy, subdivision.accuracy),
     "cuts": (multigrain.cuts,),
+    "size": (subdivision.size,),
+    "refine": (subdivision.refine,),
     "demo": (demo,),
 }
 
