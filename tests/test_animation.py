@@ -237,6 +237,17 @@ def test_the_instrument_measures_against_the_deformed_source(blob, store):
     assert lod.measure(store.capture(cut, view), blob)["measured_max"] > 5.0 * wanted["measured_max"]
 
 
+@pytest.mark.parametrize("first", ["inverted_triangles", "crack_edges", "measured_max"])
+def test_any_figure_of_a_pose_may_be_the_first(blob, store, first):
+    """What is not promised is taken as it is measured, before many threads ask for it."""
+    from lodlab import _core
+
+    instrument, view = _core.Instrument(blob.core), lod.CameraPath.orbit(blob, 2).view(1, SIZE)
+    cut = store.select(view, {"pixel_error": 0.2}, deform.twist(1.0, store.control_positions))
+    measured = instrument.examine(store.default_session.core, cut.core, view)
+    assert getattr(measured, first) >= 0 and measured.inverted_triangles == measured.crack_edges == 0
+
+
 def test_a_mesh_of_a_pose_has_the_colours_of_its_source(blob, tmp_path):
     painted = lod.Mesh(blob.positions, blob.faces, (blob.positions > 0.0) * np.uint8(255))
     store = lod.build(painted, "subdivision", tmp_path / "a.lod", degree=9, target=200, progress=False)

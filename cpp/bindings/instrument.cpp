@@ -176,7 +176,8 @@ class PyInstrument {
       subject.optimum_px = optimum_of(parts[0]);
     }
     subject.reference = std::move(reference);
-    if (pose == nullptr || cut.claim().promises_bound) subject.bound = bound_of(parts);
+    subject.bound = bound_of(parts);
+    subject.bound_promised = pose == nullptr || cut.claim().promises_bound;
     subject.pictures = pictures;
     return std::make_shared<PyMeasurement>(std::move(parts), std::move(before),
                                            pose == nullptr ? ruler_ : posed_of(cut).ruler, resources(),

@@ -43,7 +43,15 @@ Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<con
   std::function<render::Captured()> before;
   if (subject_.draw_before)
     before = [this] { return render::capture(subject_.camera, subject_.draw_before, true); };
-  if (!subject_.bound) subject_.bound = [this](uint32_t) { return measured_max(); };
+  if (!subject_.bound) {
+    subject_.bound = [](uint32_t) { return 0.0; };
+    subject_.bound_promised = false;
+  }
+  if (!subject_.bound_promised) {
+    subject_.bound = [this, claimed = std::move(subject_.bound)](uint32_t node) {
+      return std::max(claimed(node), measured_max());
+    };
+  }
   laid_ = ruler_->lay({camera, [this]() -> const render::Captured& { return whole(); }, before,
                        subject_.drawn_by, subject_.bound});
   if (!subject_.pictures) subject_.reference = nullptr;
@@ -51,6 +59,12 @@ Measurement::Measurement(std::shared_ptr<const Ruler> ruler, std::shared_ptr<con
 }
 
 // What several figures need ---------------------------------------------------------------------------------
+
+/// What is measured is known before many threads ask.
+const NodeBound& Measurement::bound() {
+  if (!subject_.bound_promised) measured_max();
+  return subject_.bound;
+}
 
 const render::Captured& Measurement::whole() {
   if (subject_.captured != nullptr) return *subject_.captured;
@@ -79,7 +93,7 @@ std::optional<int64_t> Measurement::hole_samples() {
 }
 
 const Orientation& Measurement::orientation() {
-  return kept(orientation_, [&] { return ruler_->orientation(whole(), subject_.bound); });
+  return kept(orientation_, [&] { return ruler_->orientation(whole(), bound()); });
 }
 
 // Figures over pixels ---------------------------------------------------------------------------------------

@@ -31,7 +31,8 @@ struct Subject {
   std::shared_ptr<const render::Captured> captured;  ///< not null: it is no cut, and these are its triangles
   render::DrawCall draw_before;                      ///< the cut of the frame before; may be empty
   std::string drawn_by;                              ///< for messages
-  NodeBound bound;  ///< empty: nothing is claimed, and what is measured is taken
+  NodeBound bound;             ///< empty: nothing is claimed, and what is measured is taken
+  bool bound_promised = true;  ///< false: what is measured is taken where it is more
   double predicted_px = kUndefined;
   std::function<double()> optimum_px;          ///< the least that it could be; may take long; may be empty
   std::shared_ptr<const Reference> reference;  ///< null: the columns that compare with it are nan
@@ -57,7 +58,7 @@ class Measurement {
   double measured_rms() { return laid_->samples().rms; }
   std::optional<int64_t> hole_samples();
   int64_t measured_samples() { return laid_->samples().samples; }
-  int64_t crack_edges() { return ruler_->crack_edges(whole(), subject_.bound); }
+  int64_t crack_edges() { return ruler_->crack_edges(whole(), bound()); }
   double crack_pixels() { return cracks().pixels; }
   double crack_mask_share() { return cracks().mask_share; }
   double capture_mismatch_pixels();
@@ -85,6 +86,7 @@ class Measurement {
 
  private:
   const render::Captured& whole();
+  const NodeBound& bound();
   bool compares();  // with the reference picture
   const PixelError& pixels();
   const CrackPixels& cracks();
