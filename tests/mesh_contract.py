@@ -12,9 +12,11 @@ import pytest
 from hypothesis import reject
 
 import lodlab as lod
+from lodlab import _core, deform
+from lodlab.instrument.metrics import measure, pixel_slack
 from lodlab.stability import meshes
 from lodlab.stores.methods import lacking
-from tests.contract import Measured, MethodContract, drawn
+from tests.contract import Measured, MethodContract, drawn, over
 
 
 def killed_mesh() -> lod.Mesh:
@@ -63,6 +65,25 @@ class MeshContract(MethodContract):
         if recipe["damage"] == "duplicates":  # whose second sheets have rims anywhere
             reject()
         return reject() if lacking(drawn(meshes.make_mesh, recipe), self.method) else recipe
+
+    # Poses, where the method deforms
+
+    @pytest.mark.parametrize("name", deform.NAMES)
+    def test_a_pose_is_drawn_whole_and_as_it_says(self, made: Measured, name: str) -> None:
+        if not self.info["deforms"]:
+            pytest.skip(f"{self.method} deforms nothing")
+        session, view, budget = made.session(), over(made.source), _core.Budget(pixel_error=2.0)
+        rest = made.store.control_positions
+        plain = session.select(view, budget)
+        still = session.select(view, budget, rest)
+        assert session.digest(still) == session.digest(plain) and still.promises_bound == plain.promises_bound
+        cut, cost = session.time_frame(view, budget, control_positions=getattr(deform, name)(0.5, rest))
+        row = measure(made.instrument, session, cut, view, made.instrument.reference(view, cut))
+        self.check_whole(row)
+        assert cut.triangles == cost["triangles"] == row["drawn_triangles"]
+        assert row["capture_mismatch_pixels"] == 0
+        assert not cut.promises_bound or row["measured_px_max"] <= row["predicted_px"] + pixel_slack(view)
+        assert np.array_equal(session.capture(plain, view).triangles, session.capture(still, view).triangles)
 
     def test_killed_build_resumes_or_says_incomplete(self, tmp_path: Path) -> None:
         """Killed once: each child takes seconds to start."""
