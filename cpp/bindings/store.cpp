@@ -332,6 +332,7 @@ py::dict info(const PyStore& self) {
   out["bytes_per_sample"] = bytes / static_cast<double>(samples_of_frame(store.meta().frame));
   out["bytes_per_vertex"] = vertices > 0 ? bytes / vertices : std::numeric_limits<double>::quiet_NaN();
   out["levels"] = levels(self.hierarchy->nodes());
+  if (const std::string told = self.hierarchy->told(); !told.empty()) out["build"] = parse_json(told);
   return out;
 }
 

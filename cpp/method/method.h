@@ -207,6 +207,8 @@ class Hierarchy {
   virtual double quantum() const = 0;
   /// Unique surface vertices over all nodes, for bytes_per_vertex.
   virtual int64_t vertices() const = 0;
+  /// What the build told of itself, JSON; empty: nothing.
+  virtual std::string told() const { return {}; }
   /// Where the control points are at rest, source units: what a pose moves. Empty: the method deforms
   /// nothing, and is never asked for a pose.
   virtual std::vector<glm::dvec3> control() const { return {}; }

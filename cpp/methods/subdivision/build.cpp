@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // From a mesh to a store: collapse, sample, bound, write.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -21,6 +22,21 @@ int64_t default_target(const Mesh& mesh, const Pattern& pattern) {
   return std::max({(faces + a_face - 1) / a_face, std::min(faces / 8, kEnough), kFew});
 }
 
+/// What stages take.
+class Seconds {
+ public:
+  void end(const char* stage) {
+    const auto now = std::chrono::steady_clock::now();
+    all_[stage] = std::chrono::duration<double>(now - begun_).count();
+    begun_ = now;
+  }
+  const nlohmann::ordered_json& all() const { return all_; }
+
+ private:
+  std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  nlohmann::ordered_json all_;
+};
+
 }  // namespace
 
 void build(const Source& source, const Options& options, StoreWriter& writer, const Progress& progress) {
@@ -34,10 +50,11 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   const bool interpolation = options.text("sampling") == "interpolation";
   const int64_t target = options.integer("target");
 
+  Seconds seconds;
   Stored stored;
   const SourceSurface surface(mesh);
   ControlMesh control = control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress);
-  const bool reached = control.reached_target;
+  seconds.end("collapse");
   stored.control = subdivision::stored(control, surface.centre);
   stored.control.faces =
       as_coded(stored.control.faces, static_cast<int64_t>(stored.control.positions.size()));
@@ -45,10 +62,12 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   const Displacement displacement =
       displace(surface, stored.control, samples,
                interpolation ? Sampling::kInterpolation : Sampling::kIntersection, progress);
+  seconds.end("sample");
   stored.packed = pack(samples, displacement.heights, bits);
   const std::vector<float> heights = unpack(samples, stored.packed);
   const Bounds found = bounds(surface, stored.control, samples, displacement, heights, progress);
 
+  seconds.end("bound");
   Stored::Shape& shape = stored.shape;
   shape = {};
   shape.vertices = static_cast<int64_t>(stored.control.positions.size());
@@ -66,21 +85,24 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     stored.codes.push_back(code_above(shape.low_code, found.sampling[f]));
   }
   for (const glm::dvec3& p : displaced(samples, displacement, heights).positions) box.add(p + surface.centre);
-  shape.closed = 1;
-  for (int64_t e = 0; e < samples.edges().count(); ++e) {
-    if (samples.edges().of(e).size() != 2) shape.closed = 0;
-  }
+  shape.reached_target = control.reached_target ? 1 : 0;
   for (int k = 0; k < 3; ++k) {
     shape.centre[k] = surface.centre[k];
     shape.lo[k] = box.lo[k];
     shape.hi[k] = box.hi[k];
   }
   put(writer, stored);
-  const nlohmann::json told = {{"control_faces", shape.faces},      {"control_vertices", shape.vertices},
-                               {"reached_target", reached},         {"samples", samples.count()},
-                               {"missed", displacement.missed},     {"wrong_sheet", displacement.wrong_sheet},
-                               {"averaged", displacement.averaged}, {"average_distance", found.average}};
-  writer.put_meta("subdivision", told.dump());
+  seconds.end("write");
+  const nlohmann::ordered_json told = {{"control_faces", shape.faces},
+                                       {"control_vertices", shape.vertices},
+                                       {"reached_target", control.reached_target},
+                                       {"samples", samples.count()},
+                                       {"missed", displacement.missed},
+                                       {"wrong_sheet", displacement.wrong_sheet},
+                                       {"averaged", displacement.averaged},
+                                       {"average_distance", found.average},
+                                       {"seconds", seconds.all()}};
+  writer.put_meta("build", told.dump());
 }
 
 }  // namespace lodlab::subdivision

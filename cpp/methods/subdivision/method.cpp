@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // subdivision: GPU-based adaptive subdivision (Bauman, Livny, El-Sana). METHOD.md says more.
 #include "method/projector.h"
-#include "methods/subdivision/subdivision.h"
+#include "methods/subdivision/refine.h"
 
 namespace lodlab {
 namespace subdivision {
@@ -80,6 +80,7 @@ SubdivisionHierarchy::SubdivisionHierarchy(std::shared_ptr<const Store> store)
   rest->normals.assign(stored_.control.normals.begin(), stored_.control.normals.end());
   rest->faces = stored_.control.faces;
   rest_ = rest;
+  told_ = store->meta("build");
 }
 
 Box SubdivisionHierarchy::box() const {
@@ -90,13 +91,15 @@ Box SubdivisionHierarchy::box() const {
 std::vector<NodeInfo> SubdivisionHierarchy::nodes() const {
   const int levels = pattern().levels();
   std::vector<NodeInfo> out;
+  std::vector<int64_t> triangles;
+  for (int level = 0; level < levels; ++level) triangles.push_back(triangles_at_level(pattern(), level));
   std::vector<vec3> points(static_cast<size_t>(pattern().points()));
   for (int64_t f = 0; f < stored_.shape.faces; ++f) {
     displaced_.of_face(f, points);
     Box box;
     for (const vec3& p : points) box.add(glm::dvec3(p) + centre());
     for (int level = 0; level < levels; ++level)
-      out.push_back({f, -1, 0, level, int64_t{1} << level, stored_.bound(f, level), box});
+      out.push_back({f, -1, 0, level, triangles[static_cast<size_t>(level)], stored_.bound(f, level), box});
   }
   return out;
 }

@@ -93,4 +93,18 @@ int64_t Refinement::for_triangles(size_t f, const std::function<void(const Patte
   return tested;
 }
 
+int64_t triangles_at_level(const Pattern& pattern, int level) {
+  LineRecord line = {};
+  line.drawn = static_cast<uint32_t>(level);
+  const Records records{{{{0, 1, 2}, {0, 1, 2}, line, 0.0f, 0.0f, 0.0f}}, {line, line, line}};
+  const std::vector<vec3> anywhere(3, vec3(1.0f));
+  Uniforms u = {};
+  u.metric = LODLAB_METRIC_LEVEL;
+  u.d = pattern.d;
+  const Lying lies{anywhere, anywhere, records};
+  int64_t out = 0;
+  Refinement(lies, u, {}).for_triangles(0, [&](const PatternTriangle&) { ++out; });
+  return out;
+}
+
 }  // namespace lodlab::subdivision

@@ -76,4 +76,7 @@ class Refinement {
   RefineFrame frame_;
 };
 
+/// Of a face of which all lines below a level are split.
+int64_t triangles_at_level(const Pattern& pattern, int level);
+
 }  // namespace lodlab::subdivision

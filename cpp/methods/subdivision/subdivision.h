@@ -27,8 +27,8 @@ struct Stored {
     double lo[3], hi[3];  ///< of the source and of all that is drawn
     int64_t vertices, faces;
     int32_t degree, bits;
-    uint32_t low_code;  ///< bits of the float that code 0 of bounds stands for
-    int32_t closed;
+    uint32_t low_code;       ///< bits of the float that code 0 of bounds stands for
+    int32_t reached_target;  ///< 0: no valid collapse remained
   };
   Shape shape;
   ControlMesh control;
@@ -91,6 +91,7 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   std::vector<NodeInfo> nodes() const override;
   double quantum() const override { return 0.0; }
   int64_t vertices() const override { return samples_.count(); }
+  std::string told() const override { return told_; }
   std::vector<glm::dvec3> control() const override { return rest_pose(*rest_); }
   std::shared_ptr<const Carrier> carrier(std::shared_ptr<const Mesh> source) const override {
     return std::make_shared<Binding>(rest_, std::move(source));
@@ -116,6 +117,7 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   Displaced displaced_;
   Records records_;
   std::shared_ptr<const RestControl> rest_;
+  std::string told_;
 };
 
 /// Of the control mesh where it was built.

@@ -66,6 +66,9 @@ def print_levels(info: dict[str, Any]) -> None:
         f"{info['bytes_per_sample']:.2f} bytes per sample, {info['bytes_per_vertex']:.1f} bytes per vertex, "
         f"quantum {info['quantum']:.6g}"
     )
+    if "build" in info:
+        told = {**info["build"], **{f"{stage} s": round(s, 3) for stage, s in info["build"].get("seconds", {}).items()}}
+        typer.echo(", ".join(f"{name.replace('_', ' ')} {value}" for name, value in told.items() if name != "seconds"))
 
 
 @commands.command(epilog="Example: lodlab info jacksboro.lod --verify")
