@@ -177,24 +177,26 @@ void cover_borders(const SourceSurface& source, const Samples& samples, const We
 /// diagonal of their box.
 class Windows {
  public:
-  Windows(const Pattern& pattern, std::span<const glm::dvec3> ends) : pattern_(pattern), ends_(ends) {}
+  Windows(const Pattern& pattern, std::span<const glm::dvec3> ends)
+      : pattern_(pattern), ends_(ends), weights_(ends.size(), 1.0) {}
 
   /// All samples with i0 <= i <= i0 + extent, likewise j, and k = n - i - j. Where that is more than
   /// `enough`, maps that weigh the samples farthest off more are tried, too (Lawson 1961).
   double left(int i0, int j0, int k0, int extent, double enough) {
-    weights_.assign(ends_.size(), 1.0);
     double least = std::numeric_limits<double>::infinity();
-    for (int pass = 0; pass < kMostMaps && least > enough; ++pass) {
+    for (int pass = 0;; ++pass) {
       const Map map = fitted(i0, j0, k0, extent);
       Box box;
       for_window(i0, j0, k0, extent,
                  [&](double u, double v, size_t at) { box.add(map.off(u, v, ends_[at])); });
       least = std::min(least, glm::distance(box.lo, box.hi));
+      const bool again = least > enough && pass + 1 < kMostMaps;
+      if (!again && pass > 0) weights_.assign(ends_.size(), 1.0);
+      if (!again) return least;
       for_window(i0, j0, k0, extent, [&](double u, double v, size_t at) {
         weights_[at] *= glm::distance(map.off(u, v, ends_[at]), box.center());
       });
     }
-    return least;
   }
 
  private:
