@@ -25,6 +25,17 @@ QUANTITIES = {
         "screen error, mean",
     },
     "seamless": {"triangles", "traversed", "rendered", "culled", "CPU", "GPU", "crack edges", "beyond prediction"},
+    "subdivision": {
+        "store / plain arrays",
+        "bytes a triangle",
+        "build time",
+        "average distance",
+        "measured error",
+        "processed / rendered",
+        "frame time",
+        "bound / measured, median",
+        "root mean square error",
+    },
 }
 COLUMNS = "paper,table,row,quantity,unit,paper_value,our_value,source,method,options,device,scale".split(",")
 
