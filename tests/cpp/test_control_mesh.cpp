@@ -275,6 +275,51 @@ TEST_CASE("the same mesh whatever the number of threads") {
   CHECK(one.onto == three.onto);
 }
 
+TEST_CASE("poses that bend nothing change nothing; where they bend, faces are smaller") {
+  const Arrays source = waves(40);
+  const auto posed = [&](const std::function<glm::dvec3(const glm::dvec3&)>& at) {
+    Arrays out = source;
+    for (glm::dvec3& p : out.positions) p = at(p);
+    return mesh_from(out);
+  };
+  const auto mesh = mesh_from(source);
+  const ControlMesh none = control_mesh(*mesh, 100, {});
+  const ControlMesh rest = control_mesh(*mesh, 100, {}, {mesh, mesh, mesh});
+  CHECK(none.positions == rest.positions);
+  CHECK(none.normals == rest.normals);
+  CHECK(none.faces == rest.faces);
+  CHECK(none.onto == rest.onto);
+  // Half of it is rolled up.
+  const auto rolled = posed([](const glm::dvec3& p) {
+    if (p.x < 0.5) return p;
+    const double angle = 4.0 * (p.x - 0.5), r = 0.25 - p.z;
+    return glm::dvec3(0.5 + r * std::sin(angle), p.y, 0.25 - r * std::cos(angle));
+  });
+  const auto in_half = [](const ControlMesh& control) {
+    return std::count_if(control.positions.begin(), control.positions.end(),
+                         [](const glm::dvec3& p) { return p.x > 0.5; });
+  };
+  const ControlMesh bent = control_mesh(*mesh, 100, {}, {rolled});
+  CHECK(bent.faces.size() <= 100);
+  CHECK(4 * in_half(bent) > 5 * in_half(none));
+  check_rule(source, bent);
+}
+
+TEST_CASE("a pose has the source's vertices and triangles") {
+  const auto source = mesh_from(tetrahedron());
+  Arrays more = tetrahedron(), other = tetrahedron();
+  more.positions.push_back({2, 2, 2});
+  std::rotate(other.faces[2].begin(), other.faces[2].begin() + 1, other.faces[2].end());
+  CHECK_THROWS_WITH_AS(
+      control_mesh(*source, 1, {}, {source, mesh_from(more)}),
+      "subdivision: pose 1 of 2 has 5 vertices and 4 triangles; it must have the source's 4 and 4",
+      InvalidInput);
+  CHECK_THROWS_WITH_AS(
+      control_mesh(*source, 1, {}, {mesh_from(other)}),
+      "subdivision: pose 0 of 1 has vertices 2, 3, 1 in triangle 2; it must have the source's 1, 2, 3",
+      InvalidInput);
+}
+
 TEST_CASE("progress may stop it") {
   const auto stop = [](const std::string&, double) { throw Interrupted(); };
   CHECK_THROWS_AS(control_mesh(*mesh_from(sphere(80)), 100, stop), Interrupted);

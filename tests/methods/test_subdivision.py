@@ -73,6 +73,10 @@ def test_bounds_hold_at_every_depth_and_sampling(sampling: str, bits: str, blob:
         ({"bits": "12"}, "bits.*12"),
         ({"sampling": "nearest"}, "sampling"),
         ({"target": -1}, "target"),
+        ({"poses": "icosphere:level=1"}, "pose 0 of 1 has 42 vertices and 80 triangles; it must have the source's"),
+        ({"poses": []}, "poses: no mesh is named"),
+        ({"poses": "jacksboro"}, "poses: jacksboro is a heightfield; it takes meshes"),
+        ({"poses": "no-such.ply"}, "no-such.ply"),
     ],
 )
 def test_options_that_are_none(options: dict[str, object], said: str, blob: lod.Mesh, tmp_path: Path) -> None:
@@ -121,6 +125,24 @@ def test_each_triangle_is_tested_once_and_a_still_camera_tests_none(
     assert row["processed_triangles"] < 2 * row["triangles"] + culled
     _, again = session.time_frame(_beside(blob), budget)
     assert again["processed_triangles"] == 0 and again["triangles"] == row["triangles"]
+
+
+def test_a_control_mesh_for_poses_follows_them_better(blob: lod.Mesh, tmp_path: Path) -> None:
+    def bent(points: np.ndarray, t: float = 1.0) -> np.ndarray:
+        low, high = blob.bounds
+        angle = np.pi * t * (points[:, 0] - 0.5 * (low[0] + high[0])) / (high[0] - low[0])
+        radius = (high[0] - low[0]) / np.pi + points[:, 2]
+        return np.stack([radius * np.sin(angle), points[:, 1], radius * np.cos(angle)], axis=1)
+
+    def posed(points: np.ndarray) -> lod.Mesh:
+        return lod.Mesh(points, blob.faces)
+
+    def off(name: str, **options: object) -> float:
+        store = lod.build(blob, "subdivision", tmp_path / name, degree=9, target=150, progress=False, **options)
+        cut = store.select(_beside(blob), {"pixel_error": 1e-6}, bent(store.control_positions))
+        return lod.measure(store.capture(cut, _beside(blob)), posed(bent(blob.positions)))["measured_rms"]
+
+    assert off("a.lod", poses=[posed(bent(blob.positions))]) < 0.97 * off("b.lod")
 
 
 def test_a_sphere_is_drawn_as_one(tmp_path: Path) -> None:

@@ -53,7 +53,9 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
   Seconds seconds;
   Stored stored;
   const SourceSurface surface(mesh);
-  ControlMesh control = control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress);
+  const Meshes poses = options.text("poses") == "none" ? Meshes() : options.meshes("poses");
+  ControlMesh control =
+      control_mesh(mesh, target > 0 ? target : default_target(mesh, pattern), progress, poses);
   seconds.end("collapse");
   stored.control = subdivision::stored(control, surface.centre);
   stored.control.faces =

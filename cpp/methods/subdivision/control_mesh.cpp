@@ -29,6 +29,8 @@ constexpr size_t kMostCorners = 48;     ///< more triangles round an edge's ends
 constexpr double kThinnest = 0.05;
 constexpr double kNoShape = 1e-9;
 constexpr double kTurnedCost = 3;  ///< times as much, where neighbours need other axes
+/// Of what poses bend (their mean), to one for the quadric at rest, whose errors displacement makes good.
+constexpr double kBendWeight = 10;
 constexpr float kNotWaiting = -1.0f, kRefused = -2.0f;
 constexpr size_t kTellEvery = 1 << 13;
 
@@ -36,6 +38,7 @@ constexpr size_t kTellEvery = 1 << 13;
 struct Surface {
   std::vector<glm::dvec3> positions;
   std::vector<Face> faces;
+  std::vector<uint32_t> origin;  ///< the source vertex of each
 };
 
 std::vector<glm::dvec3> unit_normals(const Surface& surface) {
@@ -63,15 +66,21 @@ Shape shape_of(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
 
 class Collapser {
  public:
-  Collapser(Surface surface, Connectivity mesh)
+  /// `poses`: where the vertices are in each sample pose.
+  Collapser(Surface surface, Connectivity mesh, const std::vector<std::vector<glm::dvec3>>& poses)
       : positions_(surface.positions),
         mesh_(std::move(mesh)),
         normals_(surface.faces, unit_normals(surface), static_cast<int64_t>(positions_.size()), kLeastCosine),
         left_(surface.faces.size()),
         quadrics_(positions_.size()),
+        bends_(poses.size(), std::vector<BendQuadric>(positions_.size())),
         waiting_(mesh_.sides(), kNotWaiting) {
     parallel_for(static_cast<int64_t>(positions_.size()), 1 << 12, [&](int64_t first, int64_t end) {
-      for (int64_t v = first; v < end; ++v) quadrics_[v] = source_quadric(static_cast<uint32_t>(v));
+      for (int64_t v = first; v < end; ++v) {
+        quadrics_[v] = source_quadric(static_cast<uint32_t>(v));
+        for (size_t p = 0; p < poses.size(); ++p)
+          bends_[p][v] = source_bend(static_cast<uint32_t>(v), poses[p]);
+      }
     });
     for (uint32_t side = 0; side < mesh_.sides(); ++side)
       if (mesh_.twin(side) == kNone || side < mesh_.twin(side)) enqueue(side);
@@ -158,6 +167,23 @@ class Collapser {
     q.add_point(positions_[v], kPointShare * area);
     return q;
   }
+  /// How a pose moves what lies round a vertex: triangles and their unit normals, by one affine map each.
+  BendQuadric source_bend(uint32_t v, const std::vector<glm::dvec3>& pose) const {
+    BendQuadric q;
+    for (uint32_t side = mesh_.first(v); side != kNone; side = mesh_.next(side)) {
+      const Shape now = shape(side);
+      if (!(now.shape > kNoShape)) continue;
+      const glm::dmat3 rest = frame(side, positions_);
+      const glm::dmat3 gradient = (frame(side, pose) - rest) * glm::inverse(rest);
+      q.add_map(gradient, pose[v] - positions_[v] - gradient * positions_[v], now.length);
+    }
+    return q;
+  }
+  glm::dmat3 frame(uint32_t side, const std::vector<glm::dvec3>& in) const {
+    const glm::dvec3& a = in[mesh_.from(side)];
+    const glm::dvec3 e = in[mesh_.to(side)] - a, f = in[mesh_.apex(side)] - a, n = glm::cross(e, f);
+    return {e, f, n / std::max(glm::length(n), std::numeric_limits<double>::min())};
+  }
   void add_border(Quadric& q, uint32_t side, const glm::dvec3& normal) const {
     const glm::dvec3 from = positions_[mesh_.from(side)], along = positions_[mesh_.to(side)] - from;
     const glm::dvec3 across = glm::cross(along, normal);
@@ -177,6 +203,11 @@ class Collapser {
   Quadric sum_of(uint32_t side) const {
     Quadric sum = quadrics_[mesh_.from(side)];
     sum += quadrics_[mesh_.to(side)];
+    for (const auto& bends : bends_) {
+      BendQuadric bend = bends[mesh_.from(side)];
+      bend += bends[mesh_.to(side)];
+      bend.add_to(sum, kBendWeight / static_cast<double>(bends_.size()));
+    }
     return sum;
   }
 
@@ -309,6 +340,7 @@ class Collapser {
     const uint32_t a = mesh_.from(side), b = mesh_.to(side);
     left_ -= mesh_.twin(side) == kNone ? 1 : 2;
     quadrics_[a] += quadrics_[b];
+    for (auto& bends : bends_) bends[a] += bends[b];
     normals_.join(a, b, collapse.cone);
     for (const auto& [v, cone] : collapse.turned) normals_.give(v, cone);
     positions_[a] = collapse.position;
@@ -335,6 +367,7 @@ class Collapser {
   GatheredNormals normals_;
   size_t left_;
   std::vector<Quadric> quadrics_;
+  std::vector<std::vector<BendQuadric>> bends_;  ///< of each pose
   std::vector<float> waiting_;  ///< each side's cost in the queue; an edge waits by one of its sides
   CollapseQueue queue_;
 };
@@ -367,6 +400,7 @@ Surface surface_of(const Mesh& source, std::span<const Face> faces, std::vector<
     for (uint32_t& v : face) {
       if (number[v] == kNone) {
         number[v] = static_cast<uint32_t>(out.positions.size());
+        out.origin.push_back(v);
         out.positions.push_back(scale * (source.positions[v] - source.box.center()));
       }
       v = number[v];
@@ -377,6 +411,34 @@ Surface surface_of(const Mesh& source, std::span<const Face> faces, std::vector<
   return out;
 }
 
+/// Where the vertices of a surface are in each pose, in the units of the surface.
+std::vector<std::vector<glm::dvec3>> posed(const Surface& surface, const Mesh& source, const Meshes& poses) {
+  std::vector<std::vector<glm::dvec3>> out;
+  for (size_t p = 0; p < poses.size(); ++p) {
+    const Mesh& pose = *poses[p];
+    const std::string what = "subdivision: pose " + std::to_string(p) + " of " + std::to_string(poses.size());
+    if (pose.positions.size() != source.positions.size() || pose.faces.size() != source.faces.size()) {
+      throw InvalidInput(what + " has " + std::to_string(pose.positions.size()) + " vertices and " +
+                         std::to_string(pose.faces.size()) + " triangles; it must have the source's " +
+                         std::to_string(source.positions.size()) + " and " +
+                         std::to_string(source.faces.size()));
+    }
+    const auto [own, wanted] = std::ranges::mismatch(pose.faces, source.faces);
+    if (own != pose.faces.end()) {
+      const auto text = [](const Face& f) {
+        return std::to_string(f[0]) + ", " + std::to_string(f[1]) + ", " + std::to_string(f[2]);
+      };
+      throw InvalidInput(what + " has vertices " + text(*own) + " in triangle " +
+                         std::to_string(own - pose.faces.begin()) + "; it must have the source's " +
+                         text(*wanted));
+    }
+    std::vector<glm::dvec3>& at = out.emplace_back();
+    for (const uint32_t v : surface.origin)
+      at.push_back(scale_of(source) * (pose.positions[v] - pose.box.center()));
+  }
+  return out;
+}
+
 [[noreturn]] void refuse(const Mesh& source) {
   throw InvalidInput("subdivision: the mesh must be an oriented manifold: " +
                      manifold_faults(surface_census(source)));
@@ -384,7 +446,8 @@ Surface surface_of(const Mesh& source, std::span<const Face> faces, std::vector<
 
 }  // namespace
 
-ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progress& progress) {
+ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progress& progress,
+                         const Meshes& poses) {
   if (target_faces < 1)
     throw InvalidInput("subdivision: a target of " + std::to_string(target_faces) +
                        " control faces; it must be at least 1");
@@ -401,7 +464,8 @@ ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progres
     mesh = Connectivity(surface.faces, static_cast<int64_t>(surface.positions.size()));
     if (!mesh.manifold()) refuse(source);
   }
-  Collapser collapser(std::move(surface), std::move(mesh));
+  const auto shapes = posed(surface, source, poses);
+  Collapser collapser(std::move(surface), std::move(mesh), shapes);
   const bool reached = collapser.run(static_cast<size_t>(target_faces), progress);
   std::vector<uint32_t> onto;
   ControlMesh out = collapser.take(onto);

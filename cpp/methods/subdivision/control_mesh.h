@@ -8,6 +8,7 @@
 
 #include <vector>
 
+#include "base/options.h"
 #include "base/progress.h"
 #include "geometry/mesh.h"
 
@@ -29,7 +30,10 @@ struct ControlMesh {
 /// a repair has split; triangles without area have no normal. A source vertex whose own triangles are
 /// within acos(kLeastCosine) of no axis counts for nothing, and where it stays nothing is promised of its
 /// normal.
-/// InvalidInput, with counts, where the source is not manifold or not oriented, and for a target below 1.
-ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progress& progress);
+/// `poses`: the source in sample poses; collapses cost more where these bend it.
+/// InvalidInput, with counts, where the source is not manifold or not oriented, for a target below 1, and for
+/// a pose whose vertices are not as many as the source's, or whose triangles are not the same.
+ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progress& progress,
+                         const Meshes& poses = {});
 
 }  // namespace lodlab::subdivision

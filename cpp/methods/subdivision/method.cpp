@@ -9,6 +9,15 @@ namespace {
 
 std::vector<OptionSpec> option_table() {
   using enum Stage;
+  OptionSpec poses{"poses",
+                   std::string("none"),
+                   kBuild,
+                   "",
+                   "none; or the source in poses that it will be drawn in, as files with ';' or ',' between "
+                   "them: meshes of "
+                   "the same triangles, for which the control mesh is made as well.",
+                   {}};
+  poses.meshes = true;
   return {
       {"target",
        int64_t{0},
@@ -27,6 +36,7 @@ std::vector<OptionSpec> option_table() {
        "Heights where normals meet the source, or means of what lies round these.",
        {"interpolation", "intersection"}},
       {"bits", std::string("16"), kBuild, "", "Bits of a height.", {"32", "16", "11"}},
+      poses,
       {"metric",
        std::string("bound"),
        kDraw,

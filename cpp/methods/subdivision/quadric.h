@@ -47,4 +47,32 @@ struct Quadric {
   }
 };
 
+/// How far affine maps, which say where points move, are from any one motion: sums of squared distances
+/// between where they move a point and their mean, as functions of the point.
+struct BendQuadric {
+  glm::dmat3 squares{0.0}, gradient{0.0};
+  glm::dvec3 mixed{0.0}, offset{0.0};
+  double offsets = 0.0, weight = 0.0;
+
+  void operator+=(const BendQuadric& q) {
+    squares += q.squares, gradient += q.gradient;
+    mixed += q.mixed, offset += q.offset;
+    offsets += q.offsets, weight += q.weight;
+  }
+  /// Which moves p by g p + d.
+  void add_map(const glm::dmat3& g, const glm::dvec3& d, double w) {
+    squares += w * glm::transpose(g) * g, gradient += w * g;
+    mixed += w * (d * g), offset += w * d;
+    offsets += w * glm::dot(d, d), weight += w;
+  }
+  void add_to(Quadric& q, double times) const {
+    if (!(weight > 0.0)) return;
+    const glm::dmat3 a = times * (squares - glm::transpose(gradient) * gradient / weight);
+    q.xx += a[0][0], q.xy += a[0][1], q.xz += a[0][2];
+    q.yy += a[1][1], q.yz += a[1][2], q.zz += a[2][2];
+    q.b += times * (mixed - offset * gradient / weight);
+    q.c += times * (offsets - glm::dot(offset, offset) / weight);
+  }
+};
+
 }  // namespace lodlab::subdivision
