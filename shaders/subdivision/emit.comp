@@ -6,6 +6,7 @@
 LineRecord edge_record(uint edge) { return edge_records[edge]; }
 
 #include "subdivision/refine.h"
+#include "subdivision/slots.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -22,7 +23,6 @@ void main() {
   uint out_there = counts[f];
   if (counts[f + 1u] == out_there) return;
   const int n = 1 << frame.d;
-  const uint first = f * uint(POINTS);
   uvec3 stack[2 * 5 + 2];
   int top = 0;
   stack[top++] = uvec3(bits_of(ivec2(0)), bits_of(ivec2(n, 0)), bits_of(ivec2(0, n)));
@@ -51,9 +51,9 @@ void main() {
       p = r;
       r = middle;
     }
-    indices[3u * out_there] = first + uint(point_number(p, n));
-    indices[3u * out_there + 1u] = first + uint(point_number(q, n));
-    indices[3u * out_there + 2u] = first + uint(point_number(r, n));
+    indices[3u * out_there] = position_of(f, p, n);
+    indices[3u * out_there + 1u] = position_of(f, q, n);
+    indices[3u * out_there + 2u] = position_of(f, r, n);
     ++out_there;
   }
 }

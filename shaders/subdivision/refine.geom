@@ -6,6 +6,7 @@
 LineRecord edge_record(uint edge) { return edge_records[edge]; }
 
 #include "subdivision/refine.h"
+#include "subdivision/slots.glsl"
 
 layout(points) in;
 layout(points, max_vertices = 2) out;
@@ -62,7 +63,7 @@ void main() {
     r = other.p2;
   }
   const int n = 1 << frame.d;
-  fine_triangle = uvec3(point_number(p, n), point_number(q, n), point_number(r, n)) + f * uint(POINTS);
+  fine_triangle = uvec3(position_of(f, p, n), position_of(f, q, n), position_of(f, r, n));
   EmitStreamVertex(1);
   EndStreamPrimitive(1);
 }

@@ -104,6 +104,7 @@ LODLAB_FUNCTION float ball_of(int level) {
 /// length is larger than their middle's squared distance by this factor.
 LODLAB_FUNCTION float limit_of(RefineFrame frame, LineRecord record, int level) {
   if (frame.metric == LODLAB_METRIC_LEVEL) return level < int(record.drawn) ? 3e38f : -1.0f;
+  if (record.scale == 0.0f) return -1.0f;
   if (frame.metric == LODLAB_METRIC_LENGTH) return frame.gain;
   if (frame.metric == LODLAB_METRIC_CURVATURE) {
     LODLAB_PRECISE float curved = frame.gain * (record.slope * record.slope);

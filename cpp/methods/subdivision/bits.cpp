@@ -20,14 +20,16 @@ void for_blocks(const Samples& samples, const DoBlock& do_block) {
   for (int64_t s = samples.first_inside(); s < samples.count(); s += inside) do_block(s, inside);
 }
 
-void put(std::vector<uint32_t>& words, int64_t at, int bits, uint32_t value) {
+}  // namespace
+
+void put_bits(std::span<uint32_t> words, int64_t at, int bits, uint32_t value) {
   const auto word = static_cast<size_t>(at * bits / 32);
   const auto both = uint64_t{value} << (at * bits % 32);
   words[word] |= static_cast<uint32_t>(both);
   if (both >> 32 != 0) words[word + 1] |= static_cast<uint32_t>(both >> 32);
 }
 
-uint32_t get(const std::vector<uint32_t>& words, int64_t at, int bits) {
+uint32_t bits_at(std::span<const uint32_t> words, int64_t at, int bits) {
   const auto word = static_cast<size_t>(at * bits / 32);
   const int shift = static_cast<int>(at * bits % 32);
   uint64_t both = words[word];
@@ -35,7 +37,10 @@ uint32_t get(const std::vector<uint32_t>& words, int64_t at, int bits) {
   return static_cast<uint32_t>(both >> shift) & static_cast<uint32_t>((uint64_t{1} << bits) - 1);
 }
 
-}  // namespace
+float height_of(const PackedHeights::Range& range, int bits, uint32_t value) {
+  if (bits == 32) return std::bit_cast<float>(value);
+  return range.low + range.step * static_cast<float>(value);
+}
 
 PackedHeights pack(const Samples& samples, std::span<const float> heights, int bits) {
   if (bits != 32 && bits != 16 && bits != 11)
@@ -59,7 +64,7 @@ PackedHeights pack(const Samples& samples, std::span<const float> heights, int b
         const double steps = step > 0.0f ? (double{value} - double{*low}) / double{step} : 0.0;
         q = static_cast<uint32_t>(std::clamp(std::nearbyint(steps), 0.0, most));
       }
-      put(out.words, first - vertices + k, bits, q);
+      put_bits(out.words, first - vertices + k, bits, q);
     }
   });
   return out;
@@ -69,16 +74,12 @@ std::vector<float> unpack(const Samples& samples, const PackedHeights& packed) {
   std::vector<float> out(static_cast<size_t>(samples.count()));
   std::copy(packed.vertices.begin(), packed.vertices.end(), out.begin());
   const int64_t vertices = samples.first_on_edges();
-  size_t range = 0;
+  size_t block = 0;
   for_blocks(samples, [&](int64_t first, int64_t count) {
-    for (int64_t s = first; s < first + count; ++s) {
-      const uint32_t q = get(packed.words, s - vertices, packed.bits);
-      float& value = out[static_cast<size_t>(s)];
-      value = std::bit_cast<float>(q);
-      if (packed.bits != 32)
-        value = packed.ranges[range].low + packed.ranges[range].step * static_cast<float>(q);
-    }
-    ++range;
+    const PackedHeights::Range range = packed.bits == 32 ? PackedHeights::Range{} : packed.ranges[block++];
+    for (int64_t s = first; s < first + count; ++s)
+      out[static_cast<size_t>(s)] =
+          height_of(range, packed.bits, bits_at(packed.words, s - vertices, packed.bits));
   });
   return out;
 }

@@ -30,4 +30,10 @@ PackedHeights pack(const Samples& samples, std::span<const float> heights, int b
 /// A value for each sample.
 std::vector<float> unpack(const Samples& samples, const PackedHeights& packed);
 
+/// The value at a place of a list of so many bits each.
+uint32_t bits_at(std::span<const uint32_t> words, int64_t at, int bits);
+void put_bits(std::span<uint32_t> words, int64_t at, int bits, uint32_t value);
+/// What it decodes as.
+float height_of(const PackedHeights::Range& range, int bits, uint32_t value);
+
 }  // namespace lodlab::subdivision

@@ -65,8 +65,9 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
       displace(surface, stored.control, samples,
                interpolation ? Sampling::kInterpolation : Sampling::kIntersection, progress);
   seconds.end("sample");
-  stored.packed = pack(samples, displacement.heights, bits);
-  const std::vector<float> heights = unpack(samples, stored.packed);
+  const PackedHeights packed = pack(samples, displacement.heights, bits);
+  stored.heights = unpack(samples, packed);
+  const std::vector<float>& heights = stored.heights;
   const Bounds found = bounds(surface, stored.control, samples, displacement, heights, progress);
 
   seconds.end("bound");
@@ -93,7 +94,7 @@ void build(const Source& source, const Options& options, StoreWriter& writer, co
     shape.lo[k] = box.lo[k];
     shape.hi[k] = box.hi[k];
   }
-  put(writer, stored);
+  put(writer, stored, packed);
   seconds.end("write");
   const nlohmann::ordered_json told = {{"control_faces", shape.faces},
                                        {"control_vertices", shape.vertices},

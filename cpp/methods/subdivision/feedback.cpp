@@ -3,6 +3,7 @@
 
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "gl/error.h"
@@ -21,18 +22,19 @@ gl::Program program(std::vector<std::string> defines, const char* more) {
        {"next_triangle", "gl_NextBuffer", "fine_triangle"}});
 }
 
-/// Makes room for `bytes`, and keeps the first `kept`.
-void grow(gl::Buffer& buffer, int64_t bytes, int64_t kept) {
+/// Makes room for `bytes`, for no more than `most`, and keeps the first `kept`.
+void grow(gl::Buffer& buffer, int64_t bytes, int64_t kept, int64_t most) {
   if (bytes <= buffer.bytes()) return;
-  gl::Buffer larger(std::max(bytes, 2 * buffer.bytes()));
+  gl::Buffer larger(std::clamp(2 * buffer.bytes(), bytes, std::max(bytes, most)));
   if (kept > 0) glCopyNamedBufferSubData(buffer.id(), larger.id(), 0, 0, kept);
   buffer = std::move(larger);
 }
 
 }  // namespace
 
-Feedback::Feedback(const std::vector<std::string>& defines)
-    : roots_(program(defines, "ROOTS")),
+Feedback::Feedback(const std::vector<std::string>& defines, int64_t most_triangles)
+    : most_triangles_(most_triangles),
+      roots_(program(defines, "ROOTS")),
       halves_(program(defines, "")),
       to_go_(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, 0),
       fine_(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, 1),
@@ -49,8 +51,9 @@ Feedback::Result Feedback::run(int64_t faces, int64_t most, gl::Buffer& indices)
     const bool roots = out.tested == 0;
     out.tested += to_go;
     gl::Buffer& into = pass_[1 - from];
-    reserve(into, 2 * to_go * kTriangle);
-    grow(indices, (out.triangles + to_go) * kTriangle, out.triangles * kTriangle);
+    reserve(into, 2 * to_go * kTriangle, 2 * most_triangles_ * kTriangle);
+    grow(indices, (out.triangles + to_go) * kTriangle, out.triangles * kTriangle,
+         most_triangles_ * kTriangle);
     (roots ? roots_ : halves_).use();
     if (!roots) points_.source(0, pass_[from], 0, static_cast<int>(kTriangle));
     (roots ? none_ : points_).bind();

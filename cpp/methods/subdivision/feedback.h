@@ -17,7 +17,8 @@ namespace lodlab::subdivision {
 
 class Feedback {
  public:
-  explicit Feedback(const std::vector<std::string>& defines);
+  /// At most so many triangles are there at a time.
+  Feedback(const std::vector<std::string>& defines, int64_t most_triangles);
 
   struct Result {
     int64_t triangles, tested;
@@ -28,6 +29,7 @@ class Feedback {
   int64_t bytes() const { return pass_[0].bytes() + pass_[1].bytes(); }
 
  private:
+  int64_t most_triangles_;
   gl::Program roots_, halves_;
   gl::Buffer pass_[2];
   gl::Query to_go_, fine_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // subdivision: GPU-based adaptive subdivision (Bauman, Livny, El-Sana). METHOD.md says more.
+#include "method/paging_options.h"
 #include "method/projector.h"
 #include "methods/subdivision/refine.h"
 
@@ -18,7 +19,7 @@ std::vector<OptionSpec> option_table() {
                    "the same triangles, for which the control mesh is made as well.",
                    {}};
   poses.meshes = true;
-  return {
+  std::vector<OptionSpec> table = {
       {"target",
        int64_t{0},
        kBuild,
@@ -52,6 +53,12 @@ std::vector<OptionSpec> option_table() {
        {"compute", "geometry"}},
       projection_option(),
   };
+  add_paging_options(
+      table,
+      {"Load displacement while flying; a control face is flat until its data arrives.",
+       "Main memory for displacement ready to upload.",
+       "GPU memory in all: control mesh, records, triangles, and displacement with what comes of it."});
+  return table;
 }
 
 class Subdivision : public Method {
@@ -80,9 +87,10 @@ class Subdivision : public Method {
 }  // namespace
 
 SubdivisionHierarchy::SubdivisionHierarchy(std::shared_ptr<const Store> store)
-    : stored_(get(*store)),
+    : store_(std::move(store)),
+      stored_(get(*store_)),
       samples_(stored_.control, Pattern::of_degree(stored_.shape.degree)),
-      displaced_(samples_, unpack(samples_, stored_.packed)),
+      displaced_(samples_, stored_.heights),
       records_(records_at_rest(stored_, displaced_)) {
   const auto rest = std::make_shared<RestControl>();
   rest->middle = centre();

@@ -95,8 +95,8 @@ void join_edges(Records& records, const Samples& samples) {
 
 }  // namespace
 
-Displaced::Displaced(const Samples& samples, std::vector<float> heights)
-    : samples_(samples), heights_(std::move(heights)) {
+Displaced::Displaced(const Samples& samples, const std::vector<float>& heights)
+    : samples_(samples), heights_(&heights) {
   place(samples.places());
 }
 
@@ -113,7 +113,7 @@ Displaced Displaced::at(const RestControl& rest, const PosedControl& posed) cons
 void Displaced::place(const std::vector<Samples::Place>& places) {
   positions_.resize(places.size());
   for (size_t s = 0; s < places.size(); ++s)
-    positions_[s] = subdivision::displaced(places[s].position, places[s].normal, heights_[s]);
+    positions_[s] = subdivision::displaced(places[s].position, places[s].normal, heights()[s]);
 }
 
 void Displaced::of_face(int64_t face, std::span<vec3> out) const {

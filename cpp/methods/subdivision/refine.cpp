@@ -53,6 +53,18 @@ bool Refinement::visible(size_t f) const {
   return face_seen(face, corners(face), {along(0), along(1), along(2)}, uniforms_.frustum);
 }
 
+bool Refinement::lacks(size_t f, const Records& all) const {
+  const FaceRecord& face = lying_.records.face[f];
+  const int n = 1 << uniforms_.d;
+  const std::array<ivec2, 3> corner = {ivec2(0, 0), ivec2(n, 0), ivec2(0, n)};
+  for (size_t k = 0; k < 3; ++k) {
+    if (lying_.records.edge[face.edge[k]].scale != 0.0f) continue;
+    const float limit = limit_of(frame_, all.edge[face.edge[k]], 0);
+    if (line_between(frame_, limit, corners(face), corner[k], corner[(k + 1) % 3]).wants) return true;
+  }
+  return false;
+}
+
 int64_t Refinement::for_triangles(size_t f, const std::function<void(const PatternTriangle&)>& visit) const {
   const FaceRecord& face = lying_.records.face[f];
   const Corners at = corners(face);

@@ -65,6 +65,8 @@ class Refinement {
     frame_ = {step.kappa, step.never, step.gain, uniforms.low_code, uniforms.metric, uniforms.d};
   }
   bool visible(size_t face) const;
+  /// Whether a control edge of the face would be split by records that hold nothing back, and is not.
+  bool lacks(size_t face, const Records& all) const;
   /// The triangles of a face, in the GPU's order; how many triangles were tested.
   int64_t for_triangles(size_t face, const std::function<void(const PatternTriangle&)>& visit) const;
 

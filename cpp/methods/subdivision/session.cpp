@@ -10,6 +10,7 @@
 #include "base/parallel.h"
 #include "geometry/mesh_surface.h"
 #include "method/hand_cut.h"
+#include "method/indirect.h"
 #include "methods/subdivision/gpu.h"
 #include "store/format.h"
 
@@ -22,7 +23,8 @@ constexpr double kFinestStep = 0x1p-12;
 struct Selection : Record {
   Uniforms uniforms;
   Search search;
-  std::shared_ptr<const Posed> posed;  ///< null: at rest
+  std::shared_ptr<const Posed> posed;    ///< null: at rest
+  std::shared_ptr<const Loaded> loaded;  ///< null: all is there
 };
 
 /// Of cuts by hand: levels of faces; each control edge has the larger of its faces' two.
@@ -40,13 +42,21 @@ std::string warning_of(const PosedControl& control) {
 
 class SubdivisionSession : public Session {
  public:
-  SubdivisionSession(std::shared_ptr<const SubdivisionHierarchy> hierarchy, const Options& options)
-      : hierarchy_(std::move(hierarchy)),
+  SubdivisionSession(const std::shared_ptr<const SubdivisionHierarchy>& hierarchy, const Options& options)
+      : SubdivisionSession(
+            hierarchy, options,
+            make_plan(hierarchy, paging_of(options), Gpu::room(*hierarchy, by_feedback(options)))) {}
+  SubdivisionSession(const std::shared_ptr<const SubdivisionHierarchy>& hierarchy, const Options& options,
+                     Plan plan)
+      : hierarchy_(hierarchy),
         projection_(projection_of(options, false)),
         metric_(options.text("metric") == "length"      ? LODLAB_METRIC_LENGTH
                 : options.text("metric") == "curvature" ? LODLAB_METRIC_CURVATURE
                                                         : LODLAB_METRIC_BOUND),
-        feedback_(options.text("pipeline") == "geometry") {}
+        feedback_(by_feedback(options)),
+        groups_(*hierarchy_),
+        slots_(plan.slots),
+        residency_(hierarchy_->store(), std::move(plan.setup)) {}
 
   Cut select(const Request& request) override;
   void resolve(Cut& cut) const override;
@@ -56,8 +66,11 @@ class SubdivisionSession : public Session {
   void prepare(const Cut& cut, render::Work& work) override;
   void draw(const Cut& cut, render::Pass& pass) override;
   int64_t resident_bytes() const override { return gpu_ ? gpu_->bytes() : 0; }
+  void settle() override { residency_.settle(); }
 
  private:
+  static bool by_feedback(const Options& options) { return options.text("pipeline") == "geometry"; }
+  int64_t slot_bytes() const { return residency_.capacity() / slots_; }
   size_t faces() const { return hierarchy_->records().face.size(); }
   Uniforms uniforms(const Camera& camera, int metric) const {
     return uniforms_of(*hierarchy_, camera, metric);
@@ -70,14 +83,21 @@ class SubdivisionSession : public Session {
     return {posed->control.positions, posed->control.normals, posed->records};
   }
   Cut by_levels(const std::vector<int32_t>& level) const;
+  std::shared_ptr<const Loaded> load(const Selection& selection, const Camera& camera);
+  Slots bring(const Loaded* loaded, render::Submitted& submitted);
+  void admit_wanted(render::Submitted& submitted);
+  bool admit(uint32_t group, bool wait, render::Submitted& submitted);
 
-  size_t step_within(const Selection& selection) const;
-  int64_t count(const Selection& selection, const Step& step, int64_t most) const;
+  size_t step_within(const Selection& selection, const Lying& lies) const;
+  int64_t count(const Selection& selection, const Lying& lies, const Step& step, int64_t most) const;
 
   std::shared_ptr<const SubdivisionHierarchy> hierarchy_;
   Projection projection_;
   int metric_;
   bool feedback_;
+  Groups groups_;
+  int64_t slots_;
+  Residency residency_;
   std::unique_ptr<Gpu> gpu_;
 };
 
@@ -96,12 +116,35 @@ Cut SubdivisionSession::select(const Request& request) {
     for (size_t i = 1; i < kSteps; ++i)
       search.steps.push_back(step_of(projector, finest * std::exp2(static_cast<double>(i) / 16.0)));
   }
+  if (residency_.streams()) selection->loaded = load(*selection, camera);
   return {request, selection, std::nullopt};
 }
 
+/// As many of the groups wanted as there are slots count, the most worthy ones, so that in the end what is
+/// there does not depend on what came first.
+std::shared_ptr<const Loaded> SubdivisionSession::load(const Selection& selection, const Camera& camera) {
+  const auto out = std::make_shared<Loaded>();
+  out->there.assign(static_cast<size_t>(groups_of(hierarchy_->stored().shape.faces)), 0);
+  const std::vector<Residency::Want> wanted = groups_.wanted(lying(selection.posed.get()), selection.uniforms,
+                                                             camera, selection.search.steps.front());
+  std::vector<Residency::Want> wants;
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    const uint32_t group = wanted[i].unit;
+    const bool fits = i < static_cast<size_t>(slots_);
+    if (fits && residency_.offset(group) >= 0) {
+      out->there[group] = 1;
+      continue;
+    }
+    out->lacked.push_back(group);
+    if (fits) wants.push_back(wanted[i]);
+  }
+  residency_.want(std::move(wants));
+  return out;
+}
+
 /// Triangles of the faces in sight; more than `most` where they are more.
-int64_t SubdivisionSession::count(const Selection& selection, const Step& step, int64_t most) const {
-  const Lying lies = lying(selection.posed.get());
+int64_t SubdivisionSession::count(const Selection& selection, const Lying& lies, const Step& step,
+                                  int64_t most) const {
   const Refinement refinement(lies, selection.uniforms, step);
   std::atomic<int64_t> out{0};
   parallel_for(static_cast<int64_t>(faces()), 64, [&](int64_t begin, int64_t end) {
@@ -115,21 +158,24 @@ int64_t SubdivisionSession::count(const Selection& selection, const Step& step, 
   return out;
 }
 
-size_t SubdivisionSession::step_within(const Selection& selection) const {
+size_t SubdivisionSession::step_within(const Selection& selection, const Lying& lies) const {
   const Search& search = selection.search;
   if (!search.most) return 0;
   const int64_t most = *search.most;
   return first_that_fits(search.steps.size(), kFirstStep,
-                         [&](size_t at) { return count(selection, search.steps[at], most) <= most; });
+                         [&](size_t at) { return count(selection, lies, search.steps[at], most) <= most; });
 }
 
 void SubdivisionSession::resolve(Cut& cut) const {
   if (cut.claim) return;
   const auto& selection = static_cast<const Selection&>(*cut.record);
   const Uniforms& u = selection.uniforms;
-  const Step& step = selection.search.steps[step_within(selection)];
   const Posed* const posed = selection.posed.get();
-  const Lying lies = lying(posed);
+  const Lying whole = lying(posed);
+  std::optional<Records> held;
+  if (selection.loaded) held = held_back(whole.records, selection.loaded->there);
+  const Lying lies{whole.positions, whole.normals, held ? *held : whole.records};
+  const Step& step = selection.search.steps[step_within(selection, lies)];
   const Refinement refinement(lies, u, step);
   const Camera camera = make_camera(cut.request.view);
   const Projector projector(projection_, camera);
@@ -149,13 +195,14 @@ void SubdivisionSession::resolve(Cut& cut) const {
   parallel_for(static_cast<int64_t>(faces()), 64, [&](int64_t begin, int64_t end) {
     std::vector<vec3> points(static_cast<size_t>(pattern.points()));
     double predicted = 0.0;
-    int64_t triangles = 0, visible = 0;
+    int64_t triangles = 0, visible = 0, missing = 0;
     for (int64_t f = begin; f < end; ++f) {
       CutNode& node = claim.nodes[static_cast<size_t>(f)];
       node.node = static_cast<uint32_t>(f);
       node.visible = refinement.visible(static_cast<size_t>(f));
       if (node.visible) displaced.of_face(f, points);
-      const double scale = double{lies.records.face[static_cast<size_t>(f)].inner.scale};
+      const double scale = double{whole.records.face[static_cast<size_t>(f)].inner.scale};
+      node.missing = held && refinement.lacks(static_cast<size_t>(f), whole.records);
       int least = pattern.levels() - 1;
       refinement.for_triangles(static_cast<size_t>(f), [&](const PatternTriangle& t) {
         int own = pattern.levels() - 1;
@@ -181,11 +228,13 @@ void SubdivisionSession::resolve(Cut& cut) const {
       node.resolution = static_cast<uint32_t>(least);
       node.error = scale * hierarchy_->stored().bound(f, least);
       visible += node.visible ? 1 : 0;
+      missing += node.visible && node.missing ? 1 : 0;
     }
     const std::lock_guard lock(mutex);
     claim.predicted_px = std::max(claim.predicted_px, predicted);
     claim.triangles += triangles;
     claim.visible_nodes += visible;
+    claim.missing_nodes += missing;
   });
   if (cut.request.budget.triangles && claim.triangles > *cut.request.budget.triangles) {
     claim.least_triangles = claim.triangles;
@@ -207,6 +256,7 @@ std::string SubdivisionSession::digest(const Cut& cut) const {
   const uint32_t most = selection->search.most.value_or(~0u);
   add(std::as_bytes(std::span(&most, 1)));
   if (selection->posed) add(std::as_bytes(std::span(selection->posed->control.positions)));
+  if (selection->loaded) add(std::as_bytes(std::span(selection->loaded->lacked)));
   return store::digest_of(bytes);
 }
 
@@ -269,14 +319,52 @@ std::vector<Cut> SubdivisionSession::audit_cuts() const {
   return out;
 }
 
-void SubdivisionSession::prepare(const Cut& cut, render::Work& work) {
-  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_, feedback_);
-  if (const auto* selection = dynamic_cast<const Selection*>(cut.record.get())) {
-    gpu_->refine(selection->uniforms, selection->search, selection->posed, work);
-  } else {
-    Uniforms u = uniforms(work.camera(), LODLAB_METRIC_LEVEL);
-    gpu_->refine(u, static_cast<const Levels&>(*cut.record).records, work);
+bool SubdivisionSession::admit(uint32_t group, bool wait, render::Submitted& submitted) {
+  std::vector<uint32_t> dropped;
+  const auto upload = residency_.admit(group, wait, dropped);
+  if (upload) gpu_->put(group, upload->offset / slot_bytes(), *upload->page, submitted);
+  return upload.has_value();
+}
+
+/// The slots of what a cut draws; what is not there any more comes back.
+Slots SubdivisionSession::bring(const Loaded* loaded, render::Submitted& submitted) {
+  Slots out(static_cast<size_t>(groups_of(hierarchy_->stored().shape.faces)), kNowhere);
+  residency_.next_frame();
+  const auto needed = [&](uint32_t group) { return loaded == nullptr || loaded->there[group] != 0; };
+  for (uint32_t group = 0; group < out.size(); ++group) {
+    if (needed(group)) residency_.touch(group);
   }
+  for (uint32_t group = 0; group < out.size(); ++group) {
+    if (!needed(group)) continue;
+    if (residency_.offset(group) < 0 && !admit(group, true, submitted)) {
+      throw Unsupported("subdivision: gpu_cache_mb holds " + std::to_string(slots_) + " of the " +
+                        std::to_string(out.size()) + " pages of a cut that draws all");
+    }
+    out[group] = static_cast<uint32_t>(residency_.offset(group) / slot_bytes());
+  }
+  return out;
+}
+
+/// What arrived meanwhile, for the next frame: not in place of what this one draws.
+void SubdivisionSession::admit_wanted(render::Submitted& submitted) {
+  const int64_t most = submitted.upload_bytes + kUploadPerFrame;
+  for (const Residency::Want& want : residency_.wanted()) {
+    if (submitted.upload_bytes >= most) break;
+    if (residency_.offset(want.unit) < 0) admit(want.unit, false, submitted);
+  }
+}
+
+void SubdivisionSession::prepare(const Cut& cut, render::Work& work) {
+  if (!gpu_) gpu_ = std::make_unique<Gpu>(*hierarchy_, feedback_, slots_);
+  if (const auto* selection = dynamic_cast<const Selection*>(cut.record.get())) {
+    const Slots slots = bring(selection->loaded.get(), work.submitted);
+    gpu_->refine(selection->uniforms, selection->search, selection->posed, slots, work);
+  } else {
+    const Uniforms u = uniforms(work.camera(), LODLAB_METRIC_LEVEL);
+    const Slots slots = bring(nullptr, work.submitted);
+    gpu_->refine(u, static_cast<const Levels&>(*cut.record).records, slots, work);
+  }
+  if (residency_.streams()) admit_wanted(work.submitted);
 }
 
 void SubdivisionSession::draw(const Cut&, render::Pass& pass) {
@@ -287,7 +375,7 @@ void SubdivisionSession::draw(const Cut&, render::Pass& pass) {
 
 std::unique_ptr<Session> make_session(std::shared_ptr<const SubdivisionHierarchy> hierarchy,
                                       const Options& options) {
-  return std::make_unique<SubdivisionSession>(std::move(hierarchy), options);
+  return std::make_unique<SubdivisionSession>(hierarchy, options);
 }
 
 }  // namespace lodlab::subdivision

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The store: the control mesh by meshoptimizer's codecs, ranges and words of heights, codes of bounds.
+// The store: the control mesh by meshoptimizer's codecs, codes of bounds, pages of heights.
 #include <meshoptimizer.h>
 
 #include <algorithm>
@@ -8,12 +8,11 @@
 #include <cstring>
 
 #include "base/errors.h"
+#include "methods/subdivision/pages.h"
 #include "methods/subdivision/subdivision.h"
 
 namespace lodlab::subdivision {
 namespace {
-
-enum PageKind : int { kVertices, kTriangles, kRanges, kCodes, kWords };
 
 constexpr size_t kPageBytes = size_t{1} << 16;
 
@@ -114,17 +113,20 @@ std::vector<Face> as_coded(const std::vector<Face>& faces, int64_t vertices) {
   return out;
 }
 
-void put(StoreWriter& writer, const Stored& stored) {
+void put(StoreWriter& writer, const Stored& stored, const PackedHeights& packed) {
   std::vector<Vertex> vertices;
   for (size_t v = 0; v < stored.control.positions.size(); ++v)
     vertices.push_back(
-        {vec3(stored.control.positions[v]), vec3(stored.control.normals[v]), stored.packed.vertices[v]});
+        {vec3(stored.control.positions[v]), vec3(stored.control.normals[v]), stored.heights[v]});
   if (!writer.has_page(kVertices, 0)) writer.put_page(kVertices, 0, coded_vertices(vertices));
   if (!writer.has_page(kTriangles, 0))
     writer.put_page(kTriangles, 0, coded_faces(stored.control.faces, vertices.size()));
-  put_bytes(writer, kRanges, as_bytes(stored.packed.ranges));
   put_bytes(writer, kCodes, as_bytes(stored.codes));
-  put_bytes(writer, kWords, as_bytes(stored.packed.words));
+  const Samples samples(stored.control, Pattern::of_degree(stored.shape.degree));
+  for (int64_t group = 0; group < groups_of(samples.control_faces()); ++group) {
+    if (!writer.has_page(kHeights, group))
+      writer.put_page(kHeights, group, group_page(samples, packed, group));
+  }
   writer.put_array("shape", as_bytes(std::vector{stored.shape}));
 }
 
@@ -135,22 +137,20 @@ Stored get(const Store& store) {
   out.shape = shapes[0];
   const auto count = static_cast<size_t>(out.shape.vertices);
   const auto vertices = get_vertices<Vertex>(store, kVertices, count, "vertices");
-  out.packed.bits = out.shape.bits;
   for (const Vertex& v : vertices) {
     out.control.positions.emplace_back(v.position);
     out.control.normals.emplace_back(v.normal);
-    out.packed.vertices.push_back(v.height);
+    out.heights.push_back(v.height);
   }
   out.control.faces.resize(static_cast<size_t>(out.shape.faces));
   if (!decode_faces(store.page(kTriangles, 0), out.control.faces, count)) refuse(store, "triangles");
   const Samples samples(out.control, Pattern::of_degree(out.shape.degree));
-  const int64_t insides = samples.pattern().inside() > 0 ? samples.control_faces() : 0;
-  const auto blocks = static_cast<size_t>(samples.edges().count() + insides);
-  const auto ranges = out.shape.bits == 32 ? 0 : blocks;
-  out.packed.ranges = get_bytes<PackedHeights::Range>(store, kRanges, ranges, "ranges");
   out.codes = get_bytes<uint8_t>(store, kCodes, out.codes_a_face() * out.control.faces.size(), "bounds");
-  const int64_t packed = (samples.count() - samples.first_on_edges()) * out.shape.bits;
-  out.packed.words = get_bytes<uint32_t>(store, kWords, static_cast<size_t>((packed + 31) / 32), "heights");
+  out.heights.resize(static_cast<size_t>(samples.count()));
+  for (int64_t group = 0; group < groups_of(samples.control_faces()); ++group) {
+    if (!read_page(samples, out.shape.bits, group, store.page(kHeights, group), out.heights))
+      refuse(store, "heights");
+  }
   return out;
 }
 

@@ -19,6 +19,9 @@ namespace lodlab::subdivision {
 /// The largest pattern that triangles of a frame are kept for: 2^5 + 1.
 inline constexpr int kMostDoublings = 5;
 
+/// Pages of a store: the control mesh, bounds, and heights, one page a group (pages.h).
+enum PageKind : int { kVertices, kTriangles, kCodes, kHeights };
+
 /// What a store holds of a source.
 struct Stored {
   /// Row of the array "shape".
@@ -32,7 +35,7 @@ struct Stored {
   };
   Shape shape;
   ControlMesh control;
-  PackedHeights packed;
+  std::vector<float> heights;  ///< of all samples, as they decode
   /// levels() + 1 a face: codes of its bounds, the coarsest level first, then of its sampling error.
   std::vector<uint8_t> codes;
 
@@ -47,26 +50,26 @@ uint32_t low_code_for(double largest);
 
 /// Faces as they are stored: with corners turned as the index codec turns them.
 std::vector<Face> as_coded(const std::vector<Face>& faces, int64_t vertices);
-void put(StoreWriter& writer, const Stored& stored);
+void put(StoreWriter& writer, const Stored& stored, const PackedHeights& packed);
 /// StoreError where pages are missing or are no such things.
 Stored get(const Store& store);
 
 /// Where each point of the pattern of a face lies: floats relative to the centre, at rest.
 class Displaced {
  public:
-  Displaced(const Samples& samples, std::vector<float> heights);
+  Displaced(const Samples& samples, const std::vector<float>& heights);
   /// Where a pose has the control mesh.
   Displaced at(const RestControl& rest, const PosedControl& posed) const;
   const Samples& samples() const { return samples_; }
   /// Of the points of a face, in the pattern's order.
   void of_face(int64_t face, std::span<vec3> out) const;
-  const std::vector<float>& heights() const { return heights_; }
+  const std::vector<float>& heights() const { return *heights_; }
 
  private:
   void place(const std::vector<Samples::Place>& places);
 
   const Samples& samples_;
-  std::vector<float> heights_;
+  const std::vector<float>* heights_;
   std::vector<vec3> positions_;
 };
 
@@ -98,6 +101,7 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   }
   std::unique_ptr<Session> session(const Options& draw_options) const override;
 
+  const std::shared_ptr<const Store>& store() const { return store_; }
   const Stored& stored() const { return stored_; }
   const Pattern& pattern() const { return samples_.pattern(); }
   const Samples& samples() const { return samples_; }
@@ -112,6 +116,7 @@ class SubdivisionHierarchy : public Hierarchy, public std::enable_shared_from_th
   std::span<const uint32_t> sides(int64_t edge) const { return samples_.edges().of(edge); }
 
  private:
+  std::shared_ptr<const Store> store_;
   Stored stored_;
   Samples samples_;
   Displaced displaced_;
