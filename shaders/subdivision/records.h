@@ -21,11 +21,11 @@ using uint = uint32_t;
 /// What the lines of a control edge, or those inside of a face, know. Lengths are in source units.
 struct LineRecord {
   uint bounds[3];  // a code of 8 bits for each level
-  float scale;     // of bounds: 1, or what a deformation stretches them by; 0: lines are never split
+  float scale;     // of bounds: 1, or what a deformation stretches them by
   float spread;    // largest stretch of the control face: the ball of level 0 has this radius
   float swell;     // the largest displacement, and what floats round
   float slope;     // geometric curvature by control edge length
-  uint drawn;      // cuts by hand: the level below which lines are split
+  uint drawn;      // the level below which lines may be split; those of cuts by hand are
 };
 
 struct FaceRecord {

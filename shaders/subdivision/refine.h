@@ -103,8 +103,8 @@ LODLAB_FUNCTION float ball_of(int level) {
 /// Lines of a level whose middle is nearer to the eye, squared, want a split; by the paper's metrics those whose squared
 /// length is larger than their middle's squared distance by this factor.
 LODLAB_FUNCTION float limit_of(RefineFrame frame, LineRecord record, int level) {
-  if (frame.metric == LODLAB_METRIC_LEVEL) return level < int(record.drawn) ? 3e38f : -1.0f;
-  if (record.scale == 0.0f) return -1.0f;
+  if (level >= int(record.drawn)) return -1.0f;
+  if (frame.metric == LODLAB_METRIC_LEVEL) return 3e38f;
   if (frame.metric == LODLAB_METRIC_LENGTH) return frame.gain;
   if (frame.metric == LODLAB_METRIC_CURVATURE) {
     LODLAB_PRECISE float curved = frame.gain * (record.slope * record.slope);

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "geometry/mesh_surface.h"
+#include "methods/subdivision/gpu.h"
 #include "methods/subdivision/refine.h"
 #include "render/frame.h"
 #include "store_fixture.h"
@@ -136,6 +137,41 @@ int level_of(const Pattern& pattern, const PatternTriangle& t) {
 
 constexpr int kMetrics[] = {LODLAB_METRIC_BOUND, LODLAB_METRIC_LENGTH, LODLAB_METRIC_CURVATURE};
 
+/// Triangles of faces, relative to the eye.
+using Drawn = std::vector<std::pair<uint32_t, std::array<std::array<float, 3>, 3>>>;
+
+Drawn drawn_by_twin(const SubdivisionHierarchy& h, const Displaced& displaced, const Refinement& refinement,
+                    const Uniforms& u, bool everything) {
+  const vec3 high(u.eye_high[0], u.eye_high[1], u.eye_high[2]);
+  const vec3 low(u.eye_low[0], u.eye_low[1], u.eye_low[2]);
+  std::vector<vec3> points(static_cast<size_t>(h.pattern().points()));
+  Drawn out;
+  for (uint32_t f = 0; f < h.records().face.size(); ++f) {
+    if (!everything && !refinement.visible(f)) continue;
+    displaced.of_face(f, points);
+    refinement.for_triangles(f, [&](const PatternTriangle& t) {
+      const auto at = [&](ivec2 p) -> std::array<float, 3> {
+        const vec3 there = (points[static_cast<size_t>(h.pattern().point(p.x, p.y))] - high) - low;
+        return {there.x, there.y, there.z};
+      };
+      out.push_back({f, {at(t.p0), at(t.p1), at(t.p2)}});
+    });
+  }
+  return out;
+}
+
+Drawn drawn_by_gpu(const render::Captured& captured) {
+  Drawn out;
+  for (size_t i = 0; i < captured.vertices.size(); i += 3) {
+    const auto at = [&](size_t k) -> std::array<float, 3> {
+      const render::CapturedVertex& v = captured.vertices[i + k];
+      return {v.x, v.y, v.z};
+    };
+    out.push_back({captured.vertices[i].node, {at(0), at(1), at(2)}});
+  }
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("a million lines of control edges decide alike from both of their faces") {
@@ -250,7 +286,6 @@ TEST_CASE("the pattern itself is reached, and no bound beyond the budget is draw
 
 TEST_CASE(
     "the GPU draws the twin's triangles, bit for bit, by either pipeline; compute shaders in its order") {
-  using Drawn = std::array<std::array<float, 3>, 3>;
   const auto options = [](int round, const char* pipeline) {
     const char* const metric[] = {"bound", "length", "curvature"};
     return resolve_options("subdivision", subdivision_method().info().options, Stage::kDraw,
@@ -267,7 +302,6 @@ TEST_CASE(
       const Rest rest(*h);
       const Lying lies = rest.lying(*h);
       Random random(3);
-      std::vector<vec3> points(static_cast<size_t>(h->pattern().points()));
       for (int round = 0; round < 9; ++round) {
         CAPTURE(round);
         const View view = random_view(random);
@@ -283,32 +317,13 @@ TEST_CASE(
           const Uniforms u = uniforms_of(*h, camera, kMetrics[round % 3]);
           const Refinement refinement(lies, u,
                                       step_of(Projector(Projection::kStrict, camera), cut.claim->tau));
-          const vec3 high(u.eye_high[0], u.eye_high[1], u.eye_high[2]);
-          const vec3 low(u.eye_low[0], u.eye_low[1], u.eye_low[2]);
           for (const bool everything : {false, true}) {
             CAPTURE(everything);
             const render::DrawCall call{[&](render::Work& work) { session->prepare(cut, work); },
                                         [&](render::Pass& pass) { session->draw(cut, pass); }};
             const render::Captured captured = render::capture(camera, call, everything);
-            std::vector<std::pair<uint32_t, Drawn>> wanted, drawn;
-            for (uint32_t f = 0; f < h->records().face.size(); ++f) {
-              if (!everything && !refinement.visible(f)) continue;
-              h->displaced().of_face(f, points);
-              refinement.for_triangles(f, [&](const PatternTriangle& t) {
-                const auto at = [&](ivec2 p) -> std::array<float, 3> {
-                  const vec3 there = (points[static_cast<size_t>(h->pattern().point(p.x, p.y))] - high) - low;
-                  return {there.x, there.y, there.z};
-                };
-                wanted.push_back({f, {at(t.p0), at(t.p1), at(t.p2)}});
-              });
-            }
-            for (size_t i = 0; i < captured.vertices.size(); i += 3) {
-              const auto at = [&](size_t k) -> std::array<float, 3> {
-                const render::CapturedVertex& v = captured.vertices[i + k];
-                return {v.x, v.y, v.z};
-              };
-              drawn.push_back({captured.vertices[i].node, {at(0), at(1), at(2)}});
-            }
+            Drawn wanted = drawn_by_twin(*h, h->displaced(), refinement, u, everything);
+            Drawn drawn = drawn_by_gpu(captured);
             if (pipeline == std::string("geometry")) {
               std::sort(wanted.begin(), wanted.end());
               std::sort(drawn.begin(), drawn.end());
@@ -320,4 +335,99 @@ TEST_CASE(
       }
     }
   }
+}
+
+TEST_CASE("faces that are not there stay whole, crack nowhere, and the GPU draws the twin's triangles") {
+  for (const int64_t degree : {3, 17}) {
+    CAPTURE(degree);
+    const auto h = built(*bumpy(60, 30, false), degree, 400);
+    const auto groups = static_cast<size_t>(groups_of(h->stored().shape.faces));
+    REQUIRE(groups > 4);
+    Random random(static_cast<unsigned>(degree));
+    Pose twisted{h->control()};
+    for (glm::dvec3& p : twisted.control) p.y += 0.3 * p.x * p.z;
+    for (const bool feedback : {false, true}) {
+      CAPTURE(feedback);
+      std::optional<Gpu> gpu;
+      for (int round = 0; round < 12; ++round) {
+        CAPTURE(round);
+        const Camera camera = make_camera(random_view(random));
+        const Uniforms u = uniforms_of(*h, camera, kMetrics[round % 3]);
+        const Step step = step_of(Projector(Projection::kStrict, camera), random_tau(random));
+        const auto pose = round % 4 < 2 ? nullptr : posed(*h, twisted);
+        Slots slots(groups, kNowhere);
+        std::vector<uint8_t> there(groups, 0);
+        for (uint32_t g = 0, next = 0; g < groups; ++g) {
+          there[g] = random() % 2 == 0 || round == 0 ? 1 : 0;
+          if (there[g] != 0) slots[g] = next++;
+        }
+        std::shuffle(slots.begin(), slots.end(), random);
+        for (size_t g = 0; g < groups; ++g) there[g] = slots[g] != kNowhere ? 1 : 0;
+        const Rest rest(*h);
+        const Records held = held_back(pose ? pose->records : h->records(), h->pattern().levels(), there);
+        const Lying lies{pose ? pose->control.positions : rest.positions,
+                         pose ? pose->control.normals : rest.normals, held};
+        const Refinement refinement(lies, u, step);
+        CHECK(unmatched(all_triangles(*h, refinement)) == 0);
+        for (size_t f = 0; f < held.face.size(); ++f) {
+          int64_t triangles = 0;
+          refinement.for_triangles(f, [&](const PatternTriangle&) { ++triangles; });
+          if (there[f / kGroupFaces] == 0) CHECK(triangles == 1);
+        }
+        const bool everything = random() % 2 == 0;
+        const render::DrawCall call{[&](render::Work& work) {
+                                      if (!gpu) gpu.emplace(*h, feedback, static_cast<int64_t>(groups));
+                                      for (uint32_t g = 0; g < groups; ++g) {
+                                        if (slots[g] == kNowhere) continue;
+                                        const Bytes page = h->store()->page(kHeights, g);
+                                        const auto heights = decode_page(h->samples(), h->stored().shape.bits,
+                                                                         g, page, h->stored().heights);
+                                        gpu->put(g, slots[g], heights, work.submitted);
+                                      }
+                                      gpu->refine(u, {{step}, std::nullopt}, pose, slots, work);
+                                    },
+                                    [&](render::Pass& pass) { gpu->draw(u, pass); }};
+        const render::Captured captured = render::capture(camera, call, everything);
+        const Displaced displaced = pose ? h->displaced().at(h->rest(), pose->control) : h->displaced();
+        Drawn wanted = drawn_by_twin(*h, displaced, refinement, u, everything);
+        Drawn drawn = drawn_by_gpu(captured);
+        if (feedback) {
+          std::sort(wanted.begin(), wanted.end());
+          std::sort(drawn.begin(), drawn.end());
+        }
+        CHECK(drawn == wanted);
+        const Room room = Gpu::room(*h, feedback);
+        CHECK(gpu->bytes() <= room.fixed + static_cast<int64_t>(groups) * room.slot);
+      }
+    }
+  }
+}
+
+TEST_CASE("what no line wants is not wanted: groups in sight, or beside one, that may be refined are") {
+  const auto h = built(*bumpy(60, 30, false), 9, 400);
+  const Rest rest(*h);
+  const Lying lies = rest.lying(*h);
+  const Groups groups(*h);
+  const auto count = static_cast<size_t>(groups_of(h->stored().shape.faces));
+  Random random(11);
+  size_t few = 0;
+  for (int round = 0; round < 200; ++round) {
+    CAPTURE(round);
+    const Camera camera = make_camera(random_view(random));
+    const Uniforms u = uniforms_of(*h, camera, kMetrics[round % 3]);
+    const Step step = step_of(Projector(Projection::kStrict, camera), random_tau(random));
+    const auto wanted = groups.wanted(lies, u, camera, step);
+    if (wanted.size() < count) ++few;
+    std::vector<uint8_t> there(count, 0);
+    for (const Residency::Want& want : wanted) there[want.unit] = 1;
+    const Records held = held_back(h->records(), h->pattern().levels(), there);
+    const Lying loaded{rest.positions, rest.normals, held};
+    const Refinement all(lies, u, step), some(loaded, u, step);
+    CHECK(drawn_by_twin(*h, h->displaced(), all, u, false) ==
+          drawn_by_twin(*h, h->displaced(), some, u, false));
+    for (size_t f = 0; f < held.face.size(); ++f) {
+      if (some.visible(f)) CHECK(!some.lacks(f, h->records()));
+    }
+  }
+  CHECK(few > 50);
 }

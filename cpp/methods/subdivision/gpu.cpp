@@ -180,7 +180,7 @@ void Gpu::lie(const std::shared_ptr<const Posed>& posed, const Records* by_hand,
     std::vector<uint8_t> there;
     for (const uint32_t slot : slots) there.push_back(slot != kNowhere ? 1 : 0);
     const bool whole = std::find(there.begin(), there.end(), 0) == there.end();
-    const Records records = whole ? Records{} : held_back(all, there);
+    const Records records = whole ? Records{} : held_back(all, hierarchy_.pattern().levels(), there);
     send_all(records_, as_bytes((whole ? all : records).face));
     send_all(edge_records_, as_bytes((whole ? all : records).edge));
   }

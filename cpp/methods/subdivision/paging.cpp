@@ -56,14 +56,19 @@ struct Extent {
 
 }  // namespace
 
-Records held_back(const Records& records, const std::vector<uint8_t>& there) {
-  Records out = records;
-  for (uint32_t f = 0; f < out.face.size(); ++f) {
+Records held_back(Records records, int levels, const std::vector<uint8_t>& there) {
+  for (uint32_t f = 0; f < records.face.size(); ++f) {
     if (there[group_of(f)] != 0) continue;
-    out.face[f].inner.scale = 0.0f;
-    for (const uint32_t e : out.face[f].edge) out.edge[e].scale = 0.0f;
+    records.face[f].inner.drawn = 0;
+    for (const uint32_t e : records.face[f].edge) records.edge[e].drawn = 0;
   }
-  return out;
+  const auto swaps = static_cast<uint32_t>(levels - 2);
+  for (FaceRecord& face : records.face) {
+    for (const uint32_t e : face.edge) {
+      if (records.edge[e].drawn == 0) face.inner.drawn = std::min(face.inner.drawn, swaps);
+    }
+  }
+  return records;
 }
 
 Groups::Groups(const SubdivisionHierarchy& hierarchy)

@@ -19,8 +19,9 @@ struct Loaded {
   std::vector<uint32_t> lacked;  ///< groups that are wanted and not there
 };
 
-/// Records with lines that are never split (scale 0) where a group is not there.
-Records held_back(const Records& records, const std::vector<uint8_t>& there);
+/// Records that let no line of a face be split whose group is not there, nor its control edges; nor do its
+/// neighbours swap diagonals, which takes that all above them is split (METHOD.md).
+Records held_back(Records records, int levels, const std::vector<uint8_t>& there);
 
 /// Says what groups are worth.
 class Groups {

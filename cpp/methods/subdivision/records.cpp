@@ -156,6 +156,7 @@ Records records_at_rest(const Stored& stored, const Displaced& displaced) {
       for (int level = 0; level < levels; ++level)
         inner.bounds[level >> 2] |= uint32_t{code[level]} << (8 * (level & 3));
       inner.scale = 1.0f;
+      inner.drawn = static_cast<uint32_t>(levels);
       place(face,
             {control.positions[corners[0]], control.positions[corners[1]], control.positions[corners[2]]},
             stored.bound(f, levels - 1));

@@ -58,7 +58,7 @@ bool Refinement::lacks(size_t f, const Records& all) const {
   const int n = 1 << uniforms_.d;
   const std::array<ivec2, 3> corner = {ivec2(0, 0), ivec2(n, 0), ivec2(0, n)};
   for (size_t k = 0; k < 3; ++k) {
-    if (lying_.records.edge[face.edge[k]].scale != 0.0f) continue;
+    if (lying_.records.edge[face.edge[k]].drawn != 0) continue;
     const float limit = limit_of(frame_, all.edge[face.edge[k]], 0);
     if (line_between(frame_, limit, corners(face), corner[k], corner[(k + 1) % 3]).wants) return true;
   }

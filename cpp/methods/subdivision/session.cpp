@@ -138,6 +138,10 @@ std::shared_ptr<const Loaded> SubdivisionSession::load(const Selection& selectio
     out->lacked.push_back(group);
     if (fits) wants.push_back(wanted[i]);
   }
+  if (static_cast<size_t>(slots_) == out->there.size()) {  // nothing has to go: nothing changes with the view
+    for (uint32_t group = 0; group < out->there.size(); ++group)
+      out->there[group] = residency_.offset(group) >= 0 ? 1 : 0;
+  }
   residency_.want(std::move(wants));
   return out;
 }
@@ -173,7 +177,8 @@ void SubdivisionSession::resolve(Cut& cut) const {
   const Posed* const posed = selection.posed.get();
   const Lying whole = lying(posed);
   std::optional<Records> held;
-  if (selection.loaded) held = held_back(whole.records, selection.loaded->there);
+  if (selection.loaded)
+    held = held_back(whole.records, hierarchy_->pattern().levels(), selection.loaded->there);
   const Lying lies{whole.positions, whole.normals, held ? *held : whole.records};
   const Step& step = selection.search.steps[step_within(selection, lies)];
   const Refinement refinement(lies, u, step);
@@ -201,7 +206,7 @@ void SubdivisionSession::resolve(Cut& cut) const {
       node.node = static_cast<uint32_t>(f);
       node.visible = refinement.visible(static_cast<size_t>(f));
       if (node.visible) displaced.of_face(f, points);
-      const double scale = double{whole.records.face[static_cast<size_t>(f)].inner.scale};
+      const double scale = double{lies.records.face[static_cast<size_t>(f)].inner.scale};
       node.missing = held && refinement.lacks(static_cast<size_t>(f), whole.records);
       int least = pattern.levels() - 1;
       refinement.for_triangles(static_cast<size_t>(f), [&](const PatternTriangle& t) {
@@ -263,6 +268,7 @@ std::string SubdivisionSession::digest(const Cut& cut) const {
 Cut SubdivisionSession::by_levels(const std::vector<int32_t>& level) const {
   const auto record = std::make_shared<Levels>();
   record->records = hierarchy_->records();
+  for (LineRecord& edge : record->records.edge) edge.drawn = 0;
   Claim claim;
   for (size_t f = 0; f < faces(); ++f) {
     record->records.face[f].inner.drawn = static_cast<uint32_t>(level[f]);
