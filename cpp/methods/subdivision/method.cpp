@@ -98,7 +98,7 @@ SubdivisionHierarchy::SubdivisionHierarchy(std::shared_ptr<const Store> store)
   rest->normals.assign(stored_.control.normals.begin(), stored_.control.normals.end());
   rest->faces = stored_.control.faces;
   rest_ = rest;
-  told_ = store->meta("build");
+  told_ = store_->meta("build");
 }
 
 Box SubdivisionHierarchy::box() const {
