@@ -56,10 +56,10 @@ def test_neighbours_of_any_levels_meet(blob: lod.Mesh, tmp_path: Path) -> None:
         assert found.measured_max <= cut.nodes["error"].max() + instrument.slack(_beside(blob))
 
 
-@pytest.mark.parametrize("sampling", ["interpolation", "intersection"])
-@pytest.mark.parametrize("bits", ["32", "16", "11"])
-def test_bounds_hold_at_every_depth_and_sampling(sampling: str, bits: str, blob: lod.Mesh, tmp_path: Path) -> None:
-    store = _build(blob, tmp_path, degree=9, target=150, sampling=sampling, bits=bits)
+@pytest.mark.parametrize(("sampling", "bits"), [("interpolation", "16"), ("intersection", "11")])
+def test_bounds_hold_at_every_depth(sampling: str, bits: str, tmp_path: Path) -> None:
+    blob = lod.datasets.load("blob:size=12")
+    store = _build(blob, tmp_path, degree=5, target=40, sampling=sampling, bits=bits)
     found = audit(store, cuts=3, progress=False)
     assert len(found.broken) == 0
 
