@@ -266,6 +266,7 @@ void Gpu::refine(const Uniforms& uniforms, const Search& search, const std::shar
 void Gpu::refine(const Uniforms& uniforms, const Records& records, const Slots& slots, render::Work& work) {
   lie(nullptr, &records, slots, work.submitted);
   FrameState state = begin(uniforms, work);
+  state.everything = 1;  // such cuts are of no view
   run(state, work);
 }
 

@@ -115,6 +115,9 @@ Cut SubdivisionSession::select(const Request& request) {
     search.most = static_cast<uint32_t>(std::min<int64_t>(*budget.triangles, UINT32_MAX - 1));
     for (size_t i = 1; i < kSteps; ++i)
       search.steps.push_back(step_of(projector, finest * std::exp2(static_cast<double>(i) / 16.0)));
+    Step& last = search.steps.back();  // splits nothing, however near the eye
+    last.never = std::numeric_limits<float>::max();
+    last.gain = 0.0f;
   }
   if (residency_.streams()) selection->loaded = load(*selection, camera);
   return {request, selection, std::nullopt};
