@@ -12,8 +12,8 @@ const Method& discrete_method();
 const Method& subdivision_method();
 
 std::vector<const Method*> built_in_methods() {
-  return {&full_method(), &chunked_method(), &multigrain_method(), &seamless_method(),
-          &discrete_method(), &subdivision_method()};
+  return {&full_method(),     &chunked_method(),  &multigrain_method(),
+          &seamless_method(), &discrete_method(), &subdivision_method()};
 }
 
 }  // namespace lodlab
