@@ -47,7 +47,8 @@ ControlMesh stored(const ControlMesh& control, const glm::dvec3& centre) {
   std::vector<glm::vec3> positions(order.used), normals(order.used);
   for (size_t v = 0; v < order.number.size(); ++v) {
     if (order.number[v] == ~0u) continue;  // no face's
-    positions[order.number[v]] = control.positions[v] - centre;
+    positions[order.number[v]] =
+        control.from_middle.empty() ? control.positions[v] - centre : control.from_middle[v];
     normals[order.number[v]] = control.normals[v];
   }
   ControlMesh out;

@@ -7,9 +7,9 @@
 
 namespace lodlab::subdivision {
 
-/// Positions relative to `centre`, they and normals rounded to floats. Neighbours that round to one place are
-/// moved apart by steps of a float as large as the farthest coordinate: a control edge has a length.
-/// InvalidInput where the mesh is too small for that.
+/// Positions relative to `centre`, the middle of the source's box; they and normals rounded to floats.
+/// Neighbours that round to one place are moved apart by steps of a float as large as the farthest
+/// coordinate: a control edge has a length. InvalidInput where the mesh is too small for that.
 ControlMesh stored(const ControlMesh& control, const glm::dvec3& centre);
 
 }  // namespace lodlab::subdivision
