@@ -11,7 +11,7 @@ struct Step {
 layout(std430, binding = 3) readonly buffer Control { ControlVertex control[]; };
 layout(std430, binding = 4) readonly buffer Faces { FaceRecord face_records[]; };
 layout(std430, binding = 5) readonly buffer Edges { LineRecord edge_records[]; };
-/// Mirrors FrameState of gpu.cpp.
+/// Mirrors FrameState of gpu.h.
 layout(std430, binding = 6) buffer FrameState {
   vec4 eye_high, eye_low;  // relative to the centre
   Frustum frustum;

@@ -40,6 +40,10 @@ struct Corners {
   vec3 a, b, c;
 };
 
+struct PatternTriangle {
+  ivec2 p0, p1, p2;
+};
+
 /// A code's bound: eight steps for each power of two.
 LODLAB_FUNCTION float bound_of_code(uint low_code, uint code) { return uintBitsToFloat(low_code + (code << 20)); }
 
@@ -194,13 +198,14 @@ LODLAB_FUNCTION bool halvable(ivec2 way) { return ((way.x | way.y) & 1) == 0; }
 /// Which of three sides of a triangle is split: 1 to 3 from its corner 0 to 2; 0: none. Of those that want it, the longest
 /// on the pattern, of equals the longest on the screen. A side without a point in its middle, of the finest triangles
 /// (1, 1, sqrt(3)), stands for its swap with the other diagonal.
-LODLAB_FUNCTION int split_of(RefineFrame frame, Metric metric, Line first, Line second, Line third, ivec2 p0, ivec2 p1,
-                             ivec2 p2) {
-  bool swaps = (frame.metric == LODLAB_METRIC_BOUND || frame.metric == LODLAB_METRIC_LEVEL) &&
+LODLAB_FUNCTION int split_of(RefineFrame frame, Metric metric, Line first, Line second, Line third,
+                             PatternTriangle t) {
+  ivec2 p0 = t.p0, p1 = t.p1, p2 = t.p2;
+  bool may_swap = (frame.metric == LODLAB_METRIC_BOUND || frame.metric == LODLAB_METRIC_LEVEL) &&
                first.squared + second.squared + third.squared == 5;
-  first.wants = first.wants && (halvable(p1 - p0) || (swaps && first.squared == 3));
-  second.wants = second.wants && (halvable(p2 - p1) || (swaps && second.squared == 3));
-  third.wants = third.wants && (halvable(p0 - p2) || (swaps && third.squared == 3));
+  first.wants = first.wants && (halvable(p1 - p0) || (may_swap && first.squared == 3));
+  second.wants = second.wants && (halvable(p2 - p1) || (may_swap && second.squared == 3));
+  third.wants = third.wants && (halvable(p0 - p2) || (may_swap && third.squared == 3));
   int best = first.wants ? 1 : 0;
   if (second.wants && (best == 0 || first_of(second, p2 - p1, first, p1 - p0, metric))) best = 2;
   bool over_best = best == 1 ? first_of(third, p0 - p2, first, p1 - p0, metric)
@@ -208,21 +213,31 @@ LODLAB_FUNCTION int split_of(RefineFrame frame, Metric metric, Line first, Line 
   return third.wants && (best == 0 || over_best) ? 3 : best;
 }
 
+/// A triangle from the corner on where the side (1 to 3) that is split begins.
+LODLAB_FUNCTION PatternTriangle turned(PatternTriangle t, int side) {
+  PatternTriangle out_there;
+  out_there.p0 = side == 1 ? t.p0 : side == 2 ? t.p1 : t.p2;
+  out_there.p1 = side == 1 ? t.p1 : side == 2 ? t.p2 : t.p0;
+  out_there.p2 = side == 1 ? t.p2 : side == 2 ? t.p0 : t.p1;
+  return out_there;
+}
+
+/// Whether the first side of a turned triangle has no point in its middle: it is swapped, not halved.
+LODLAB_FUNCTION bool swaps(PatternTriangle t) { return squared_length(t.p1 - t.p0) == 3; }
+
+LODLAB_FUNCTION ivec2 middle_point(PatternTriangle t) { return (t.p0 + t.p1) / 2; }
+
 LODLAB_FUNCTION bool before(ivec2 a, ivec2 b) { return a.y < b.y || (a.y == b.y && a.x < b.x); }
 
-struct PatternTriangle {
-  ivec2 p0, p1, p2;
-};
-
-/// The triangle in place of (p, q, r) where its side p q is swapped: of both triangles on p q one takes the end that
-/// comes first.
-LODLAB_FUNCTION PatternTriangle swapped(ivec2 p, ivec2 q, ivec2 r) {
-  ivec2 across = p + q - r;
-  bool first = before(r, across) == before(p, q);
+/// The triangle in place of one whose first side is swapped: of both triangles on that side one takes the end that comes
+/// first.
+LODLAB_FUNCTION PatternTriangle swapped(PatternTriangle t) {
+  ivec2 across = t.p0 + t.p1 - t.p2;
+  bool first = before(t.p2, across) == before(t.p0, t.p1);
   PatternTriangle out_there;
-  out_there.p0 = first ? p : across;
-  out_there.p1 = first ? across : q;
-  out_there.p2 = r;
+  out_there.p0 = first ? t.p0 : across;
+  out_there.p1 = first ? across : t.p1;
+  out_there.p2 = t.p2;
   return out_there;
 }
 

@@ -83,23 +83,19 @@ int64_t Refinement::for_triangles(size_t f, const std::function<void(const Patte
     PatternTriangle t = stack[--top];
     for (;;) {
       ++tested;
-      const int side =
-          split_of(frame_, metric, line(t.p0, t.p1), line(t.p1, t.p2), line(t.p2, t.p0), t.p0, t.p1, t.p2);
+      const int side = split_of(frame_, metric, line(t.p0, t.p1), line(t.p1, t.p2), line(t.p2, t.p0), t);
       if (side == 0) {
         visit(t);
         break;
       }
-      const PatternTriangle turned = side == 1   ? t
-                                     : side == 2 ? PatternTriangle{t.p1, t.p2, t.p0}
-                                                 : PatternTriangle{t.p2, t.p0, t.p1};
-      const ivec2 p = turned.p0, q = turned.p1, r = turned.p2;
-      if (squared_length(q - p) == 3) {
-        visit(swapped(p, q, r));
+      t = turned(t, side);
+      if (swaps(t)) {
+        visit(swapped(t));
         break;
       }
-      const ivec2 middle((p.x + q.x) / 2, (p.y + q.y) / 2);
-      stack[top++] = {q, r, middle};
-      t = {r, p, middle};
+      const ivec2 middle = middle_point(t);
+      stack[top++] = {t.p1, t.p2, middle};
+      t = {t.p2, t.p0, middle};
     }
   }
   return tested;
