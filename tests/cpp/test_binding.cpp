@@ -8,6 +8,7 @@
 #include <random>
 
 #include "base/errors.h"
+#include "mesh_arrays.h"
 #include "methods/subdivision/binding.h"
 #include "methods/subdivision/control_mesh.h"
 
@@ -22,22 +23,18 @@ using Place = std::function<glm::dvec3(double u, double v)>;
 
 /// n x n cells over [0, 1] x [0, 1], outside where u x v points.
 std::shared_ptr<const Mesh> swept(uint32_t n, bool closed, const Place& at) {
-  struct Arrays {
-    std::vector<glm::dvec3> positions;
-    std::vector<Face> faces;
-  };
-  const auto out = std::make_shared<Arrays>();
+  testing::Arrays out;
   const uint32_t rows = closed ? n : n + 1;
   for (uint32_t i = 0; i < rows; ++i)
-    for (uint32_t j = 0; j < rows; ++j) out->positions.push_back(kFar + at(double(i) / n, double(j) / n));
+    for (uint32_t j = 0; j < rows; ++j) out.positions.push_back(kFar + at(double(i) / n, double(j) / n));
   const auto vertex = [&](uint32_t i, uint32_t j) { return (i % rows) * rows + j % rows; };
   for (uint32_t i = 0; i < n; ++i) {
     for (uint32_t j = 0; j < n; ++j) {
       const uint32_t a = vertex(i, j), b = vertex(i + 1, j), c = vertex(i + 1, j + 1), d = vertex(i, j + 1);
-      out->faces.insert(out->faces.end(), {{a, b, c}, {a, c, d}});
+      out.faces.insert(out.faces.end(), {{a, b, c}, {a, c, d}});
     }
   }
-  return make_mesh({out->positions, out->faces, {}, {}, out}, "");
+  return testing::mesh_of(out);
 }
 
 /// A torus with bumps, 8 by 8 by 2.
@@ -59,7 +56,7 @@ std::shared_ptr<const RestControl> rest_of(const Mesh& source, int64_t target) {
   const ControlMesh control = control_mesh(source, target, {});
   const auto out = std::make_shared<RestControl>();
   out->middle = source.box.center();
-  for (const glm::dvec3& p : control.positions) out->positions.push_back(glm::vec3(p - out->middle));
+  for (const glm::dvec3& p : control.positions) out->positions.push_back(glm::vec3(p));
   out->normals.assign(control.normals.begin(), control.normals.end());
   out->faces = control.faces;
   return out;

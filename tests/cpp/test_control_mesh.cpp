@@ -13,18 +13,16 @@
 #include "base/parallel.h"
 #include "geometry/mesh_census.h"
 #include "geometry/mesh_edges.h"
+#include "mesh_arrays.h"
 #include "methods/subdivision/control_mesh.h"
 
 using namespace lodlab;
+using testing::Arrays;
+using testing::mesh_of;
 using namespace lodlab::subdivision;
 using doctest::Approx;
 
 namespace {
-
-struct Arrays {
-  std::vector<glm::dvec3> positions;
-  std::vector<Face> faces;
-};
 
 using Place = std::function<glm::dvec3(double u, double v)>;  // of [0, 1] x [0, 1]
 
@@ -82,11 +80,6 @@ void add(Arrays& to, const Arrays& other) {
   for (const Face& f : other.faces) to.faces.push_back({first + f[0], first + f[1], first + f[2]});
 }
 
-std::shared_ptr<const Mesh> mesh_from(const Arrays& arrays) {
-  const auto held = std::make_shared<Arrays>(arrays);
-  return make_mesh({held->positions, held->faces, {}, {}, held}, "");
-}
-
 glm::dvec3 cross_of(std::span<const glm::dvec3> positions, const Face& f) {
   const glm::dvec3& a = positions[f[0]];
   return glm::cross(positions[f[1]] - a, positions[f[2]] - a);
@@ -115,7 +108,7 @@ MeshCensus census_of(const ControlMesh& control) {
 }
 
 ControlMesh control_of(const Arrays& source, int64_t target) {
-  ControlMesh out = control_mesh(*mesh_from(source), target, {});
+  ControlMesh out = control_mesh(*mesh_of(source), target, {});
   const MeshCensus census = census_of(out);
   CHECK(census.nonmanifold_edges == 0);
   CHECK(census.nonmanifold_vertices == 0);
@@ -138,8 +131,9 @@ TEST_CASE("a sphere reaches its target, and is near the sphere") {
   CHECK(census_of(control).boundary_edges == 0);
   check_rule(source, control);
   for (size_t v = 0; v < control.positions.size(); ++v) {
-    CHECK(glm::length(control.positions[v]) == Approx(1.0).epsilon(0.05));
-    CHECK(glm::dot(control.normals[v], glm::normalize(control.positions[v])) > 0.95);
+    const glm::dvec3 p = control.centre + control.positions[v];
+    CHECK(glm::length(p) == Approx(1.0).epsilon(0.05));
+    CHECK(glm::dot(control.normals[v], glm::normalize(p)) > 0.95);
   }
 }
 
@@ -194,7 +188,7 @@ TEST_CASE("a patch keeps its border: one loop, its corners, near where it was") 
   for (int64_t edge = 0; edge < edges.count(); ++edge) {
     if (edges.of(edge).size() != 1) continue;
     ++border;
-    const glm::dvec3 p = control.positions[vertex_of(control.faces, edges.of(edge)[0])];
+    const glm::dvec3 p = control.centre + control.positions[vertex_of(control.faces, edges.of(edge)[0])];
     CHECK(std::min({p.x, 1.0 - p.x, p.y, 1.0 - p.y}) < 0.01);
     CHECK(p.z == Approx(0.03 * std::sin(9.0 * p.x) * std::cos(7.0 * p.y)).epsilon(1.0).scale(0.01));
     lo = glm::min(lo, glm::dvec2(p));
@@ -221,19 +215,19 @@ TEST_CASE("what cannot be coarser stays: a tetrahedron, a triangle, two back to 
   }
   CHECK(control_of(triangle, 1).reached_target);
   const Arrays both{triangle.positions, {{0, 1, 2}, {0, 2, 1}}};
-  CHECK(control_mesh(*mesh_from(both), 1, {}).faces.size() == 2);
+  CHECK(control_mesh(*mesh_of(both), 1, {}).faces.size() == 2);
 }
 
 TEST_CASE("what is no oriented manifold is refused with counts; what a repair has split is taken") {
   Arrays fin = tetrahedron();
   fin.positions.push_back({1, 1, -1});
   fin.faces.push_back({0, 1, 4});
-  CHECK_THROWS_WITH_AS(control_mesh(*mesh_from(fin), 1, {}),
+  CHECK_THROWS_WITH_AS(control_mesh(*mesh_of(fin), 1, {}),
                        doctest::Contains("1 edges of three triangles or more"), InvalidInput);
   Arrays turned = tetrahedron();
   std::swap(turned.faces[0][0], turned.faces[0][1]);
   CHECK_THROWS_WITH_AS(
-      control_mesh(*mesh_from(turned), 1, {}),
+      control_mesh(*mesh_of(turned), 1, {}),
       doctest::Contains("must be an oriented manifold: it has 0 edges of three triangles or more, 0 vertices "
                         "of several fans, and is not oriented alike (repair=split,orient"),
       InvalidInput);
@@ -241,13 +235,13 @@ TEST_CASE("what is no oriented manifold is refused with counts; what a repair ha
   touching.positions.insert(touching.positions.end(), {{-1, 0, 0}, {0, -1, 0}, {0, 0, -1}});
   for (const Face& f : {Face{0, 4, 5}, Face{0, 5, 6}, Face{4, 6, 5}, Face{0, 6, 4}})
     touching.faces.push_back(f);
-  CHECK_THROWS_WITH_AS(control_mesh(*mesh_from(touching), 1, {}),
+  CHECK_THROWS_WITH_AS(control_mesh(*mesh_of(touching), 1, {}),
                        doctest::Contains("1 vertices of several fans"), InvalidInput);
   touching.positions.push_back({0, 0, 0});
   for (size_t t = 4; t < 8; ++t)
     for (uint32_t& v : touching.faces[t]) v = v == 0 ? 7 : v;
   CHECK(control_of(touching, 1).faces.size() == 8);
-  CHECK_THROWS_AS(control_mesh(*mesh_from(tetrahedron()), 0, {}), InvalidInput);
+  CHECK_THROWS_AS(control_mesh(*mesh_of(tetrahedron()), 0, {}), InvalidInput);
 }
 
 TEST_CASE("triangles without area count into no normal") {
@@ -257,13 +251,13 @@ TEST_CASE("triangles without area count into no normal") {
   const glm::dvec3 a = source.positions[0], b = source.positions[1];
   source.positions.push_back(0.5 * (a + b));
   source.faces.push_back({0, 1, middle});
-  const ControlMesh control = control_mesh(*mesh_from(source), 40, {});
+  const ControlMesh control = control_mesh(*mesh_of(source), 40, {});
   CHECK(control.reached_target);
   check_rule(source, control);
 }
 
 TEST_CASE("the same mesh whatever the number of threads") {
-  const auto source = mesh_from(torus(40));
+  const auto source = mesh_of(torus(40));
   set_thread_count(1);
   const ControlMesh one = control_mesh(*source, 400, {});
   set_thread_count(3);
@@ -280,9 +274,9 @@ TEST_CASE("poses that bend nothing change nothing; where they bend, faces are sm
   const auto posed = [&](const std::function<glm::dvec3(const glm::dvec3&)>& at) {
     Arrays out = source;
     for (glm::dvec3& p : out.positions) p = at(p);
-    return mesh_from(out);
+    return mesh_of(out);
   };
-  const auto mesh = mesh_from(source);
+  const auto mesh = mesh_of(source);
   const ControlMesh none = control_mesh(*mesh, 100, {});
   const ControlMesh rest = control_mesh(*mesh, 100, {}, {mesh, mesh, mesh});
   CHECK(none.positions == rest.positions);
@@ -297,7 +291,7 @@ TEST_CASE("poses that bend nothing change nothing; where they bend, faces are sm
   });
   const auto in_half = [](const ControlMesh& control) {
     return std::count_if(control.positions.begin(), control.positions.end(),
-                         [](const glm::dvec3& p) { return p.x > 0.5; });
+                         [&](const glm::dvec3& p) { return control.centre.x + p.x > 0.5; });
   };
   const ControlMesh bent = control_mesh(*mesh, 100, {}, {rolled});
   CHECK(bent.faces.size() <= 100);
@@ -306,23 +300,23 @@ TEST_CASE("poses that bend nothing change nothing; where they bend, faces are sm
 }
 
 TEST_CASE("a pose has the source's vertices and triangles") {
-  const auto source = mesh_from(tetrahedron());
+  const auto source = mesh_of(tetrahedron());
   Arrays more = tetrahedron(), other = tetrahedron();
   more.positions.push_back({2, 2, 2});
   std::rotate(other.faces[2].begin(), other.faces[2].begin() + 1, other.faces[2].end());
   CHECK_THROWS_WITH_AS(
-      control_mesh(*source, 1, {}, {source, mesh_from(more)}),
+      control_mesh(*source, 1, {}, {source, mesh_of(more)}),
       "subdivision: pose 1 of 2 has 5 vertices and 4 triangles; it must have the source's 4 and 4",
       InvalidInput);
   CHECK_THROWS_WITH_AS(
-      control_mesh(*source, 1, {}, {mesh_from(other)}),
+      control_mesh(*source, 1, {}, {mesh_of(other)}),
       "subdivision: pose 0 of 1 has vertices 2, 3, 1 in triangle 2; it must have the source's 1, 2, 3",
       InvalidInput);
 }
 
 TEST_CASE("progress may stop it") {
   const auto stop = [](const std::string&, double) { throw Interrupted(); };
-  CHECK_THROWS_AS(control_mesh(*mesh_from(sphere(80)), 100, stop), Interrupted);
+  CHECK_THROWS_AS(control_mesh(*mesh_of(sphere(80)), 100, stop), Interrupted);
 }
 
 TEST_CASE("rough meshes with holes stay manifolds of their kind") {
@@ -334,7 +328,7 @@ TEST_CASE("rough meshes with holes stay manifolds of their kind") {
     for (glm::dvec3& p : source.positions) p.z += noise(random);
     for (int holes = 0; holes < trial / 3; ++holes)
       source.faces.erase(source.faces.begin() + static_cast<long>(random() % source.faces.size()));
-    const auto mesh = mesh_from(source);
+    const auto mesh = mesh_of(source);
     ControlMesh control;
     try {
       control = control_mesh(*mesh, 1 + static_cast<int64_t>(random() % 60), {});

@@ -12,28 +12,17 @@
 #include "base/errors.h"
 #include "base/parallel.h"
 #include "geometry/mesh_distance.h"
+#include "mesh_arrays.h"
 #include "methods/subdivision/bits.h"
 #include "methods/subdivision/bounds.h"
 #include "methods/subdivision/stored_control.h"
 
 using namespace lodlab;
+using testing::Arrays;
+using testing::mesh_of;
 using namespace lodlab::subdivision;
 
 namespace {
-
-struct Arrays {
-  std::vector<glm::dvec3> positions;
-  std::vector<Face> faces;
-};
-
-std::shared_ptr<const Mesh> mesh_of(const Arrays& arrays) {
-  const auto owner = std::make_shared<Arrays>(arrays);
-  MeshArrays out;
-  out.positions = owner->positions;
-  out.faces = owner->faces;
-  out.owner = owner;
-  return make_mesh(out, "");
-}
 
 Arrays octahedron() {
   return {{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
@@ -394,8 +383,8 @@ TEST_CASE("bounds: no mixture of levels is farther from the source than they say
     const std::vector<float> heights = unpack(samples, pack(samples, d.heights, 11));
     const Bounds bound = bounds(source, control, samples, d, heights, {});
     const auto levels = static_cast<size_t>(bound.levels);
-    for (size_t i = 0; i + 1 < bound.edge.size(); ++i)
-      if ((i + 1) % levels != 0) CHECK(bound.edge[i] >= bound.edge[i + 1]);
+    for (size_t i = 0; i + 1 < bound.face.size(); ++i)
+      if ((i + 1) % levels != 0) CHECK(bound.face[i] >= bound.face[i + 1]);
     for (int trial = 0; trial < 12; ++trial) {
       WeldedMesh drawn;
       drawn.positions = displaced(samples, d, heights).positions;

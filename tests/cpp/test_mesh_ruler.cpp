@@ -10,22 +10,15 @@
 #include "instrument/mesh_ruler.h"
 #include "instrument/pixel_error.h"
 #include "instrument/slack.h"
+#include "mesh_arrays.h"
 
 using namespace lodlab;
+using testing::Arrays;
+using testing::mesh_of;
 using namespace lodlab::instrument;
 using doctest::Approx;
 
 namespace {
-
-struct Arrays {
-  std::vector<glm::dvec3> positions;
-  std::vector<Face> faces;
-};
-
-std::shared_ptr<const Mesh> mesh_from(const Arrays& arrays) {
-  auto kept = std::make_shared<Arrays>(arrays);
-  return make_mesh({kept->positions, kept->faces, {}, {}, kept}, "");
-}
 
 /// [0, 1] x [0, 1] at height 0 in n x n cells, outside up.
 Arrays plate(uint32_t n) {
@@ -96,7 +89,7 @@ double unbound(uint32_t) { return 0.0; }
 
 TEST_CASE("two plates a known gap apart: both ways, on screen, and from the plate before") {
   const Arrays source = plate(4);
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   const render::Captured lifted = captured(moved(source, {0.0, 0.0, 0.25}), camera.eye);
   const render::Captured exact = captured(source, camera.eye);
@@ -121,7 +114,7 @@ TEST_CASE("what is missing shows as distance from the source, not as a hole") {
   const Arrays source = plate(2);
   Arrays half = source;
   half.faces.resize(4);  // the lower half
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   const render::Captured drawn = captured(half, camera.eye);
   const auto laid = lay(ruler, camera, drawn);
@@ -136,7 +129,7 @@ TEST_CASE("what is missing shows as distance from the source, not as a hole") {
 TEST_CASE(
     "an edge without a partner is a crack unless it lies on the source's border, within the node's bound") {
   const Arrays source = plate(4);
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const glm::dvec3 eye(0.5, 0.5, 2.0);
   CHECK(ruler.crack_edges(captured(source, eye), unbound) == 0);  // 16 edges of the border
   Arrays torn = source;
@@ -157,13 +150,13 @@ TEST_CASE(
 
 TEST_CASE("edges of the source that many triangles share are its own") {
   Arrays fan{{{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, -1, 0}}, {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}}};
-  const MeshRuler ruler(mesh_from(fan));
+  const MeshRuler ruler(mesh_of(fan));
   CHECK(ruler.crack_edges(captured(fan, {3.0, 0.0, 0.0}), unbound) == 0);
 }
 
 TEST_CASE("each node has its own largest distance; a source vertex counts for the node that is closest") {
   const Arrays source = plate(2);
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   Arrays low = source, high = source;
   low.faces.resize(4);
@@ -181,7 +174,7 @@ TEST_CASE("each node has its own largest distance; a source vertex counts for th
 
 TEST_CASE("a source vertex that the closest node is no bound for counts for another that keeps its own") {
   const Arrays low = plate(2), high = moved(plate(2), {0.0, 0.0, 0.1});
-  const MeshRuler ruler(mesh_from(both(low, high)));
+  const MeshRuler ruler(mesh_of(both(low, high)));
   const Camera camera = above({0.5, 0.5, 2.0});
   // Node 0 stands for the low plate, and is drawn above the high one, which node 1 draws.
   const render::Captured now =
@@ -203,7 +196,7 @@ TEST_CASE("a source vertex that the closest node is no bound for counts for anot
 
 TEST_CASE("a node is held to the inside of source triangles, not to their vertices alone") {
   const Arrays source{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}}};
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   // Drawn with a hole [0.6, 0.9] x [0.3, 0.7], all of it right of x = 0.5: nothing is off at a vertex of
   // either.
@@ -240,7 +233,7 @@ TEST_CASE("a triangle faces as the source does; of a sheet thinner than its boun
   for (Face& face : down.faces) std::swap(face[0], face[1]);
   std::swap(turned.faces[3][0], turned.faces[3][1]);
   const glm::dvec3 eye(0.5, 0.5, 2.0);
-  const MeshRuler sheet(mesh_from(both(up, down)));
+  const MeshRuler sheet(mesh_of(both(up, down)));
   const auto inverted = [&](const Arrays& drawn, double bound) {
     const Orientation found = sheet.orientation(captured(drawn, eye), [bound](uint32_t) { return bound; });
     CHECK_FALSE(found.slanted_fillers.has_value());
@@ -255,7 +248,7 @@ TEST_CASE("a triangle faces as the source does; of a sheet thinner than its boun
 
 TEST_CASE("pixels see the closest point of the other surface") {
   const Arrays source = plate(4);
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   const render::Captured lifted = captured(moved(source, {0.0, 0.0, 0.25}), camera.eye);
   const auto laid = lay(ruler, camera, lifted);
@@ -270,7 +263,7 @@ TEST_CASE("pixels see the closest point of the other surface") {
 
 TEST_CASE("vertices that are not finite are named, and eyes too far away are refused") {
   const Arrays source = plate(1);
-  const MeshRuler ruler(mesh_from(source));
+  const MeshRuler ruler(mesh_of(source));
   const Camera camera = above({0.5, 0.5, 2.0});
   render::Captured broken = captured(source, camera.eye, 5);
   broken.vertices[4].y = std::numeric_limits<float>::quiet_NaN();

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "geometry/mesh_surface.h"
+#include "mesh_arrays.h"
 #include "methods/subdivision/gpu.h"
 #include "methods/subdivision/refine.h"
 #include "render/frame.h"
@@ -32,33 +33,25 @@ double between(Random& random, double low, double high) {
 
 /// A torus, closed or cut open, with bumps.
 std::shared_ptr<const Mesh> bumpy(int rings, int sides, bool open) {
-  struct Arrays {
-    std::vector<glm::dvec3> positions;
-    std::vector<Face> faces;
-  };
-  const auto owner = std::make_shared<Arrays>();
+  testing::Arrays out;
   const int last = open ? rings - 1 : rings;
   for (int i = 0; i < rings; ++i) {
     for (int j = 0; j < sides; ++j) {
       const double u = 2.0 * std::numbers::pi * i / rings, v = 2.0 * std::numbers::pi * j / sides;
       const double r =
           0.4 + 0.03 * std::sin(5.0 * u) * std::cos(4.0 * v) + (u < 2.0 ? 0.02 * std::sin(40.0 * u) : 0.0);
-      owner->positions.push_back(
+      out.positions.push_back(
           {(1.0 + r * std::cos(v)) * std::cos(u), (1.0 + r * std::cos(v)) * std::sin(u), r * std::sin(v)});
     }
   }
   const auto at = [&](int i, int j) { return static_cast<uint32_t>(i % rings * sides + j % sides); };
   for (int i = 0; i < last; ++i) {
     for (int j = 0; j < sides; ++j) {
-      owner->faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      owner->faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      out.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      out.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
     }
   }
-  MeshArrays out;
-  out.positions = owner->positions;
-  out.faces = owner->faces;
-  out.owner = owner;
-  return make_mesh(out, "");
+  return testing::mesh_of(out);
 }
 
 std::shared_ptr<const SubdivisionHierarchy> built(const Mesh& mesh, int64_t degree, int64_t target = 200) {

@@ -384,15 +384,6 @@ Bounds bounds(const SourceSurface& source, const ControlMesh& control, const Sam
     }
     count((end - begin) * a_face);
   });
-  out.edge.assign(static_cast<size_t>(samples.edges().count()) * levels, 0.0);
-  for (size_t e = 0; e * levels < out.edge.size(); ++e) {
-    for (const uint32_t side : samples.edges().of(static_cast<int64_t>(e))) {
-      for (size_t level = 0; level < levels; ++level)
-        out.edge[e * levels + level] =
-            std::max(out.edge[e * levels + level], out.face[side / 3 * levels + level]);
-    }
-  }
-
   measure_vertices(source, control, at_vertices, a_face, out);
   return out;
 }

@@ -21,7 +21,6 @@ inline constexpr double kSlack = 0.2;
 struct Bounds {
   int levels = 0;
   std::vector<double> face;      ///< `levels` a face, the coarsest first
-  std::vector<double> edge;      ///< `levels` an edge, in the order of mesh_edges()
   std::vector<double> sampling;  ///< the paper's error of each face: from its patch to the flat control face
   double average = 0.0;  ///< the paper's: from the source's vertices to the finest surface, their mean
 };

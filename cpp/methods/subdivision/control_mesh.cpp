@@ -470,11 +470,8 @@ ControlMesh control_mesh(const Mesh& source, int64_t target_faces, const Progres
   std::vector<uint32_t> onto;
   ControlMesh out = collapser.take(onto);
   out.reached_target = reached;
-  const glm::dvec3 centre = source.box.center();
-  for (glm::dvec3& p : out.positions) {
-    out.from_middle.push_back(source.extent() * p);
-    p = out.from_middle.back() + centre;
-  }
+  out.centre = source.box.center();
+  for (glm::dvec3& p : out.positions) p *= source.extent();
   for (uint32_t& v : name)
     if (v != kNone) v = onto[v];
   out.onto = std::move(name);

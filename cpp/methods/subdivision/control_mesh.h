@@ -18,10 +18,9 @@ namespace lodlab::subdivision {
 inline constexpr double kLeastCosine = 0.1;
 
 struct ControlMesh {
+  /// Relative to `centre`: what doubles lose far from the origin is not lost.
   std::vector<glm::dvec3> positions;
-  /// The same relative to the middle of the source's box: far from the origin doubles would lose some of it.
-  /// Empty: as positions have it.
-  std::vector<glm::dvec3> from_middle;
+  glm::dvec3 centre{0.0};
   /// Unit, a vertex's: along which displacement runs, interpolated over faces.
   std::vector<glm::dvec3> normals;
   std::vector<Face> faces;

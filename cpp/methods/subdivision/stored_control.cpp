@@ -47,11 +47,11 @@ ControlMesh stored(const ControlMesh& control, const glm::dvec3& centre) {
   std::vector<glm::vec3> positions(order.used), normals(order.used);
   for (size_t v = 0; v < order.number.size(); ++v) {
     if (order.number[v] == ~0u) continue;  // no face's
-    positions[order.number[v]] =
-        control.from_middle.empty() ? control.positions[v] - centre : control.from_middle[v];
+    positions[order.number[v]] = control.positions[v] + (control.centre - centre);
     normals[order.number[v]] = control.normals[v];
   }
   ControlMesh out;
+  out.centre = centre;
   out.faces.resize(control.faces.size());
   std::copy(order.indices.begin(), order.indices.end(), out.faces.data()->data());
   move_apart(positions, out.faces);
